@@ -1,0 +1,36 @@
+# The front door. On a fresh Debian 12, `make demo` and `make test` each do all that is needed: set up, build, run.
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+# the recipes are stages: one after the other also under make -j
+.NOTPARALLEL:
+# release, debug or asan: what build makes and test runs
+PROFILE ?= release
+export PHRI_PROFILE := $(PROFILE)
+.PHONY: demo test check tidy build setup clean help
+
+demo: build     ## set up, build, run the maze experiment (rviz when there is a display), record it, print table and report
+	@scripts/demo.sh
+
+test: build     ## set up, build, run gtest, rostest and pytest; last line: N passed, N failed (K=text: only these; PROFILE=debug or asan)
+	@. scripts/env.sh && scripts/test.py $(if $(K),-k '$(K)')
+
+check: build    ## format, lint, launch files, layer rules; non-zero on any finding
+	@. scripts/env.sh && scripts/check.sh
+
+tidy: build     ## clang-tidy on the C++ sources of libraries and nodes (minutes)
+	@scripts/tidy.sh
+
+build: setup    ## set up, build the workspace and its tests (JOBS=n compilers at once; PROFILE=debug or asan)
+	@scripts/build.sh $(PROFILE)
+
+setup:          ## install the packages that are missing (Debian 12, root or sudo); all the others do this first
+	@docker/setup.sh
+
+clean:          ## delete what the builds left; results/ stays
+	rm -rf catkin_ws/{build,devel,logs}{,_debug,_asan} catkin_ws/.catkin_tools/profiles/{release,debug,asan}
+
+help:           ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
+	@echo
+	@echo "A Debian image without make: apt-get install -y make, or docker/setup.sh, which installs make as well."
+	@echo "Another system than Debian 12: any target prints the docker commands."
