@@ -1,0 +1,20 @@
+#pragma once
+#include <Eigen/Core>
+
+namespace phri_core
+{
+/// Normal distribution N(mean, covariance); mean (d), covariance (d, d), symmetric positive semi-definite.
+struct Gaussian
+{
+  Eigen::VectorXd mean;
+  Eigen::MatrixXd covariance;
+};
+
+/// Squared Mahalanobis distance (x - mean)' covariance^-1 (x - mean) [-].
+/// Throws std::invalid_argument if the covariance is not positive definite.
+double mahalanobisSquared(const Gaussian& gaussian, const Eigen::VectorXd& x);
+
+/// Symmetric inverse square root of (covariance + floor I), both (d, d); used for the weights of (5.29). `floor` has
+/// the unit of the covariance. The text's I + Sigma is dimensionally wrong: the floor is small and explicit.
+Eigen::MatrixXd inverseSquareRoot(const Eigen::MatrixXd& covariance, double floor);
+}  // namespace phri_core

@@ -1,0 +1,23 @@
+#pragma once
+#include <Eigen/Core>
+
+namespace phri_core
+{
+/// Largest number of Cartesian degrees of freedom of a rendered object: a rigid body.
+constexpr int kMaxDof = 6;
+
+/// Coordinates, velocities or forces of a rendered object with 1..6 degrees of freedom. Lives on the stack whatever its
+/// size: resizing never allocates. Order x, y, z, rx, ry, rz (a planar object: x, y); [m, rad] or [N, Nm].
+using VectorDof = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDof, 1>;
+
+/// Motion state xi = [x; xdot] (2 dof), [m, rad; m/s, rad/s]. Lives on the stack.
+using VectorState = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxDof, 1>;
+
+/// Force [N] and torque [Nm] exerted BY a named agent (human, environment, robot) ON the object, expressed in and taken
+/// about the origin of a named frame.
+struct Wrench
+{
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [N]
+  Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< [Nm]
+};
+}  // namespace phri_core
