@@ -12,6 +12,33 @@
 namespace py = pybind11;
 using namespace phri_core;
 
+namespace
+{
+/// pybind11 does not know the largest size of a stack-sized vector and would write past its end: sizes are checked
+/// here.
+template <typename Vector>
+Vector sized(const char* name, const Eigen::VectorXd& values)
+{
+  if (values.size() > Vector::MaxRowsAtCompileTime)
+    throw py::value_error(std::string(name) + " has " + std::to_string(values.size()) + " elements: expected at most " +
+                          std::to_string(int(Vector::MaxRowsAtCompileTime)));
+  return values;
+}
+
+Admittance makeAdmittance(const Eigen::VectorXd& mass, const Eigen::VectorXd& damping, double dt)
+{
+  return Admittance(sized<VectorDof>("mass", mass), sized<VectorDof>("damping", damping), dt);
+}
+
+VectorDof ofAdmittance(const Admittance& admittance, const char* name, const Eigen::VectorXd& values)
+{
+  if (values.size() != admittance.mass().size())
+    throw py::value_error(std::string(name) + " has " + std::to_string(values.size()) + " elements: expected " +
+                          std::to_string(admittance.mass().size()));
+  return values;
+}
+}  // namespace
+
 PYBIND11_MODULE(phri_core, m)
 {
   m.doc() = "Vocabulary of physical human-robot interaction: what is measured, observed, predicted and limited.";
@@ -28,16 +55,25 @@ PYBIND11_MODULE(phri_core, m)
 
   py::class_<Observation>(m, "Observation",
                           "What a behaviour model sees: state xi = [x; xdot], wrenches on the object.")
-      .def(py::init([](double t, const VectorState& state, const VectorDof& human_wrench,
-                       const VectorDof& environment_wrench, const Eigen::VectorXd& features) {
-             return Observation{ t, state, human_wrench, environment_wrench, features };
+      .def(py::init([](double t, const Eigen::VectorXd& state, const Eigen::VectorXd& human_wrench,
+                       const Eigen::VectorXd& environment_wrench, const Eigen::VectorXd& features) {
+             return Observation{ t, sized<VectorState>("state", state), sized<VectorDof>("human_wrench", human_wrench),
+                                 sized<VectorDof>("environment_wrench", environment_wrench), features };
            }),
-           py::arg("t"), py::arg("state"), py::arg("human_wrench"), py::arg("environment_wrench") = VectorDof(),
+           py::arg("t"), py::arg("state"), py::arg("human_wrench"), py::arg("environment_wrench") = Eigen::VectorXd(),
            py::arg("features") = Eigen::VectorXd())
       .def_readwrite("t", &Observation::t)
-      .def_readwrite("state", &Observation::state)
-      .def_readwrite("human_wrench", &Observation::human_wrench)
-      .def_readwrite("environment_wrench", &Observation::environment_wrench)
+      .def_property(
+          "state", [](const Observation& o) { return o.state; },
+          [](Observation& o, const Eigen::VectorXd& v) { o.state = sized<VectorState>("state", v); })
+      .def_property(
+          "human_wrench", [](const Observation& o) { return o.human_wrench; },
+          [](Observation& o, const Eigen::VectorXd& v) { o.human_wrench = sized<VectorDof>("human_wrench", v); })
+      .def_property(
+          "environment_wrench", [](const Observation& o) { return o.environment_wrench; },
+          [](Observation& o, const Eigen::VectorXd& v) {
+            o.environment_wrench = sized<VectorDof>("environment_wrench", v);
+          })
       .def_readwrite("features", &Observation::features);
 
   py::class_<Prediction>(m, "Prediction", "Belief about what the human wants: element k speaks of time t0 + k dt.")
@@ -54,9 +90,16 @@ PYBIND11_MODULE(phri_core, m)
       .def("predict", &BehaviorModel::predict, py::arg("horizon"), py::arg("dt"));
 
   py::class_<Admittance>(m, "Admittance", "M xdd + D xd = u, integrated exactly over dt.")
-      .def(py::init<const VectorDof&, const VectorDof&, double>(), py::arg("mass"), py::arg("damping"), py::arg("dt"))
-      .def("step", &Admittance::step, py::arg("wrench"))
-      .def("reset", &Admittance::reset, py::arg("position"), py::arg("velocity"))
+      .def(py::init(&makeAdmittance), py::arg("mass"), py::arg("damping"), py::arg("dt"))
+      .def(
+          "step", [](Admittance& a, const Eigen::VectorXd& wrench) { a.step(ofAdmittance(a, "wrench", wrench)); },
+          py::arg("wrench"))
+      .def(
+          "reset",
+          [](Admittance& a, const Eigen::VectorXd& position, const Eigen::VectorXd& velocity) {
+            a.reset(ofAdmittance(a, "position", position), ofAdmittance(a, "velocity", velocity));
+          },
+          py::arg("position"), py::arg("velocity"))
       .def_property_readonly("position", &Admittance::position)
       .def_property_readonly("velocity", &Admittance::velocity);
 
