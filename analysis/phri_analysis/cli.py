@@ -1,0 +1,139 @@
+"""Command line: `phri-analysis report BAGS...` and `phri-analysis simulate EXPERIMENT`.
+
+Errors are one line on stderr. Exit codes (sysexits.h): 0 done, 64 usage, 65 bad data, 66 missing input, 70 internal
+error, 74 cannot write.
+"""
+
+import sys
+import traceback
+from pathlib import Path
+
+import click
+
+from . import __version__
+from .errors import AnalysisError, DataError, UsageError
+
+CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
+
+
+@click.group(context_settings=CONTEXT)
+@click.version_option(__version__)
+def cli():
+    """Measures, pictures and reports of physical human-robot interaction trials."""
+
+
+@cli.command()
+@click.argument("bags", nargs=-1, required=True, metavar="BAGS_OR_DIR...", type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=None,
+    metavar="DIR",
+    help="Folder for report.html, table.csv and figures/. [default: the folder given, else the first bag's]",
+)
+@click.option("--title", default="", help="Heading of the report.")
+@click.option(
+    "--skip-bad", is_flag=True, help="Leave unreadable bags out, and say so in the report, instead of stopping."
+)
+def report(bags, out, title, skip_bad):
+    """Reads recorded trials, prints their measures and writes a self-contained report."""
+    from tqdm import tqdm
+
+    from . import bags as reader
+    from .study import Study
+
+    files = reader.find_bags(bags)
+    kept = Study()
+    for path in tqdm(files, unit="bag", desc="reading", disable=not sys.stderr.isatty()):
+        try:
+            kept.add(reader.read_trial(path))
+            kept.sources.append((path.name, reader.checksum(path)))
+        except DataError as error:
+            if not skip_bad:
+                raise
+            click.echo(f"left out: {error}", err=True)
+            kept.skipped.append((path.name, str(error)))
+    if not kept.rows:
+        raise DataError(f"none of the {len(files)} bags could be read")
+    _finish(kept, out or (bags[0] if bags[0].is_dir() else files[0].parent), title)
+
+
+@cli.command()
+@click.argument("experiment")
+@click.option(
+    "--participants", type=int, default=None, metavar="N", help="Number of participants. [default: experiment]"
+)
+@click.option("--trials", type=int, default=None, metavar="N", help="Trials per controller. [default: experiment]")
+@click.option(
+    "--controllers", default="", metavar="A,B", help="Only these controllers. [default: all of the experiment]"
+)
+@click.option("--seed", type=int, default=None, metavar="S", help="Seed of everything random. [default: experiment]")
+@click.option("--jobs", type=int, default=1, show_default=True, metavar="J", help="Processes on this machine.")
+@click.option(
+    "--scheduler", default="", metavar="ADDRESS", help="Dask scheduler, to use many machines (tcp://host:8786)."
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=None,
+    metavar="DIR",
+    help="Folder for report.html, table.csv and figures/. [default: results/studies/EXPERIMENT]",
+)
+def simulate(experiment, participants, trials, controllers, seed, jobs, scheduler, out):
+    """Runs EXPERIMENT (a name or a YAML file) in lockstep without ROS, faster than real time, and reports on it."""
+    from . import simulate as runner
+
+    names = tuple(name.strip() for name in controllers.split(",") if name.strip())
+    request = runner.Request(experiment, participants, trials, names, seed)
+    kept = runner.simulate(request, jobs, scheduler, progress=sys.stderr.isatty())
+    shown = [
+        (name, value)
+        for name, value in (
+            ("participants", participants),
+            ("trials", trials),
+            ("seed", seed),
+            ("controllers", ",".join(names)),
+        )
+        if value not in (None, "")
+    ]
+    command = " ".join(["phri-analysis simulate", experiment, *[f"--{name} {value}" for name, value in shown]])
+    notes = [("Command", command), ("Revision", runner.git_revision() or "not a git checkout")]
+    _finish(kept, out or Path("results") / "studies" / Path(experiment).stem, "", notes)
+
+
+def _finish(kept, out, title, notes=()):
+    from . import report as writer
+
+    path = writer.write_report(kept, out, title, notes)
+    click.echo(writer.terminal_table(kept.table()))
+    click.echo(f"\ntable:  {path.parent / 'table.csv'}\nreport: {path}")
+
+
+def main(arguments=None):
+    """Entry point of the console script."""
+    try:
+        sys.exit(cli.main(arguments, prog_name="phri-analysis", standalone_mode=False) or 0)
+    except click.exceptions.Exit as done:
+        sys.exit(done.exit_code)
+    except click.Abort:
+        _fail("interrupted", 130)
+    except click.ClickException as error:
+        # NoArgsIsHelp and friends carry a whole help text; keep its first line only.
+        _fail(error.format_message().splitlines()[0], UsageError.exit_code)
+    except AnalysisError as error:
+        _fail(str(error), error.exit_code)
+    except BrokenPipeError:
+        sys.exit(0)
+    except OSError as error:
+        _fail(str(error), 74)
+    except Exception as error:  # the last resort: a defect of ours, said in one line
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        _fail(
+            f"internal error at {Path(frame.filename).name}:{frame.lineno}, {type(error).__name__}: {error}",
+            AnalysisError.exit_code,
+        )
+
+
+def _fail(text, code):
+    click.echo(f"phri-analysis: {' '.join(text.split())}", err=True)
+    sys.exit(code)
