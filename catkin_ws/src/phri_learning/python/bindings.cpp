@@ -1,0 +1,225 @@
+// Module `phri_learning`: behaviour models learned from demonstrations.
+#include <pybind11/eigen.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <memory>
+#include <optional>
+
+#include "phri_learning/behavior_models.hpp"
+#include "phri_learning/hmm_training.hpp"
+#include "phri_learning/model_file.hpp"
+
+namespace py = pybind11;
+using namespace phri_learning;
+
+namespace
+{
+/// The scikit-learn manners around the value TimeHmm.
+struct Estimator
+{
+  TrainingOptions options;
+  std::shared_ptr<const TimeHmm> model;
+  std::vector<double> log_likelihood;
+  std::vector<int> starved;
+  int iterations = 0;
+  bool converged = false;
+
+  const TimeHmm& fitted() const
+  {
+    if (!model)
+      throw py::value_error(
+          "this TimeHmm is not fitted yet: call fit(demonstrations) or TimeHmm.from_json(path) first");
+    return *model;
+  }
+};
+
+Estimator makeEstimator(int states, int components, double dt, const std::string& mode, int max_iterations,
+                        double tolerance, double covariance_floor, double shrinkage)
+{
+  if (mode != "corrected" && mode != "thesis")
+    throw std::invalid_argument("mode = '" + mode + "', expected 'corrected' or 'thesis'");
+  Estimator e;
+  e.options.states = states;
+  e.options.components = components;
+  e.options.dt = dt;
+  e.options.formulas = mode == "thesis" ? Formulas::kThesis : Formulas::kCorrected;
+  e.options.max_iterations = max_iterations;
+  e.options.tolerance = tolerance;
+  e.options.covariance_floor = covariance_floor;
+  e.options.shrinkage = shrinkage;
+  checkOptions(e.options);
+  return e;
+}
+
+/// (N, d, d) from N matrices, or (S, K, d, d) if `components` > 1.
+py::array_t<double> stacked(const std::vector<Eigen::MatrixXd>& matrices, Eigen::Index d, int components = 1)
+{
+  std::vector<py::ssize_t> shape = { static_cast<py::ssize_t>(matrices.size()) / components, d, d };
+  if (components > 1)
+    shape.insert(shape.begin() + 1, components);
+  py::array_t<double> result(shape);
+  double* out = result.mutable_data();
+  for (const Eigen::MatrixXd& matrix : matrices)
+    for (Eigen::Index i = 0; i < d; ++i)
+      for (Eigen::Index j = 0; j < d; ++j)
+        *out++ = matrix(i, j);
+  return result;
+}
+
+phri_core::Gaussian predicted(const Estimator& e, const Eigen::MatrixXd& window, double horizon,
+                              const std::string& reference, const std::optional<std::string>& time,
+                              const std::optional<std::pair<int, int>>& velocity)
+{
+  const bool thesis = e.fitted().formulas() == Formulas::kThesis;
+  if (window.rows() < 1)
+    throw std::invalid_argument("window has 0 samples, expected at least 1");
+  ForecastSettings settings;
+  settings.reference = referenceNamed(reference.empty() ? (thesis ? "path" : "displacement") : reference);
+  settings.time = timeEstimateNamed(time.value_or(thesis ? "thesis" : "regressed"));
+  if (velocity)
+  {
+    settings.velocity_first = velocity->first;
+    settings.velocity_count = velocity->second - velocity->first;
+  }
+  TimeTracker tracker(e.model, static_cast<int>(window.rows()));
+  for (Eigen::Index t = 0; t < window.rows(); ++t)
+    tracker.observe(window.row(t).transpose());
+  phri_core::Gaussian result;
+  tracker.forecast(horizon, settings, &result);
+  return result;
+}
+}  // namespace
+
+PYBIND11_MODULE(phri_learning, m)
+{
+  py::module_::import("phri_core");
+  m.doc() = "Behaviour models learned from demonstrations: time-based hidden Markov models (section 3.1.1).";
+
+  py::register_exception<ModelFileError>(m, "ModelFileError", PyExc_ValueError);
+
+  py::class_<Estimator>(m, "TimeHmm",
+                        "Left-to-right HMM over d-dimensional samples, any d and any unit, whose states know when they "
+                        "are visited. mode 'thesis' keeps (3.8) and (3.12) as printed.")
+      .def(py::init(&makeEstimator), py::arg("states"), py::arg("components") = 1, py::arg("dt") = 0.02,
+           py::arg("mode") = "corrected", py::arg("max_iterations") = TrainingOptions().max_iterations,
+           py::arg("tolerance") = TrainingOptions().tolerance,
+           py::arg("covariance_floor") = TrainingOptions().covariance_floor,
+           py::arg("shrinkage") = TrainingOptions().shrinkage)
+      .def(
+          "fit",
+          [](py::object self, const std::vector<Eigen::MatrixXd>& demonstrations) {
+            Estimator& e = self.cast<Estimator&>();
+            const TrainingOptions options = e.options;
+            std::optional<TrainingResult> result;
+            {
+              py::gil_scoped_release release;
+              result = train(demonstrations, options);
+            }
+            e.model = std::make_shared<const TimeHmm>(std::move(result->model));
+            e.log_likelihood = std::move(result->log_likelihood);
+            e.starved = std::move(result->starved);
+            e.iterations = result->iterations;
+            e.converged = result->converged;
+            return self;
+          },
+          py::arg("demonstrations"), "Learns from a list of (T_i, d) arrays sampled every dt; returns self.")
+      .def(
+          "score", [](const Estimator& e, const Eigen::MatrixXd& x) { return e.fitted().score(x); }, py::arg("x"),
+          "log P(x | model), spatial part only.")
+      .def(
+          "viterbi", [](const Estimator& e, const Eigen::MatrixXd& x) { return e.fitted().viterbi(x); }, py::arg("x"),
+          "Most likely state of each sample.")
+      .def(
+          "regress",
+          [](const Estimator& e, const Eigen::VectorXd& times, bool full_covariance) {
+            const TimeHmm::Trajectory result = e.fitted().regress(times, full_covariance);
+            return py::make_tuple(result.means, stacked(result.covariances, e.model->dimension()));
+          },
+          py::arg("times"), py::arg("full_covariance") = true,
+          "Means (N, d) and covariances (N, d, d) at times [s] since the start; full_covariance=False: (3.6) as "
+          "printed.")
+      .def(
+          "predict",
+          [](const Estimator& e, const Eigen::MatrixXd& window, double horizon, const std::string& reference,
+             const std::optional<std::string>& time, const std::optional<std::pair<int, int>>& velocity) {
+            const phri_core::Gaussian result = predicted(e, window, horizon, reference, time, velocity);
+            return py::make_tuple(result.mean, result.covariance);
+          },
+          py::arg("window"), py::arg("horizon"), py::arg("reference") = "", py::arg("time") = py::none(),
+          py::arg("velocity") = py::none(),
+          "Mean (d,) and covariance (d, d) of the sample `horizon` [s] after the window (n, d), which may begin "
+          "anywhere.\n"
+          "reference: 'displacement' (default; thesis mode: 'path') or 'path'; time: 'regressed' (default), "
+          "'entry_corrected', 'thesis'; velocity: (first, end) columns that are velocities, to adapt the pace.")
+      .def(
+          "to_json", [](const Estimator& e, const std::string& path) { saveTimeHmm(e.fitted(), path); },
+          py::arg("path"), "Writes the model, whole or not at all.")
+      .def_static(
+          "from_json",
+          [](const std::string& path) {
+            Estimator e;
+            e.model = std::make_shared<const TimeHmm>(loadTimeHmm(path));
+            e.options.states = e.model->states();
+            e.options.components = e.model->components();
+            e.options.dt = e.model->dt();
+            e.options.formulas = e.model->formulas();
+            e.options.covariance_floor = e.model->parameters().covariance_floor;
+            return e;
+          },
+          py::arg("path"), "The model of a file, or ModelFileError.")
+      .def_property_readonly("states", [](const Estimator& e) { return e.options.states; })
+      .def_property_readonly("components", [](const Estimator& e) { return e.options.components; })
+      .def_property_readonly("dt", [](const Estimator& e) { return e.options.dt; })
+      .def_property_readonly(
+          "mode", [](const Estimator& e) { return e.options.formulas == Formulas::kThesis ? "thesis" : "corrected"; })
+      .def_property_readonly("transition_", [](const Estimator& e) { return e.fitted().parameters().transition; })
+      .def_property_readonly("initial_", [](const Estimator& e) { return e.fitted().parameters().initial; })
+      .def_property_readonly("weights_", [](const Estimator& e) { return e.fitted().parameters().weights; })
+      .def_property_readonly(
+          "means_", [](const Estimator& e) { return e.fitted().parameters().mean_s; },
+          "(S components, d), row state * components + component")
+      .def_property_readonly(
+          "covariances_", [](const Estimator& e) { return stacked(e.fitted().parameters().ss, e.model->dimension()); },
+          "(S components, d, d)")
+      .def_property_readonly(
+          "time_means_", [](const Estimator& e) { return e.fitted().parameters().mean_t; }, "[s]")
+      .def_property_readonly(
+          "time_variances_", [](const Estimator& e) { return e.fitted().parameters().tt; }, "[s^2]")
+      .def_property_readonly("time_covariances_", [](const Estimator& e) { return e.fitted().parameters().ts; })
+      .def_property_readonly(
+          "durations_", [](const Estimator& e) { return e.fitted().durations(); }, "[samples]")
+      .def_property_readonly(
+          "length_", [](const Estimator& e) { return e.fitted().length(); }, "(3.10) [s]")
+      .def_property_readonly(
+          "log_likelihood_",
+          [](const Estimator& e) {
+            e.fitted();
+            return e.log_likelihood;
+          },
+          "What EM maximised, per iteration; empty for a loaded model.")
+      .def_property_readonly("starved_", [](const Estimator& e) { return e.starved; })
+      .def_property_readonly("iterations_", [](const Estimator& e) { return e.iterations; })
+      .def_property_readonly("converged_", [](const Estimator& e) { return e.converged; });
+
+  py::class_<TimeHmmModel, phri_core::BehaviorModel, std::shared_ptr<TimeHmmModel>>(
+      m, "TimeHmmModel", "A fitted TimeHmm over [x; xdot; u_h] as a behaviour model.")
+      .def(py::init([](const Estimator& e, int dof, int window, const std::string& reference, const std::string& time,
+                       const std::string& recognition, bool adapt_pace) {
+             e.fitted();
+             TimeHmmModelSettings settings;
+             settings.dof = dof;
+             settings.window = window;
+             settings.reference = referenceNamed(reference);
+             settings.time = timeEstimateNamed(time);
+             settings.recognition = recognitionNamed(recognition);
+             settings.adapt_pace = adapt_pace;
+             return std::make_shared<TimeHmmModel>(e.model, settings);
+           }),
+           py::arg("model"), py::arg("dof") = 2, py::arg("window") = 30, py::arg("reference") = "path",
+           py::arg("time") = "entry_corrected", py::arg("recognition") = "position", py::arg("adapt_pace") = false)
+      .def_property_readonly("state", [](const TimeHmmModel& model) { return model.tracker().state(); });
+
+  m.def("demonstration", &demonstration, py::arg("observations"), py::arg("dof") = 2,
+        "A list of observations as training data (T, 3 dof).");
+}
