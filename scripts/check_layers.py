@@ -3,7 +3,7 @@
 
   layer     who may see whom: C++ includes, Python imports, package.xml dependencies (tables SEES and LIBRARIES below)
   ros       ROS and phri_msgs only in ros/ and nodes/ folders and in scripts that a .test file starts; rosbag only in
-            ros/ folders, analysis/phri_analysis/bags.py and analysis/tests
+            ros/ folders, such scripts, analysis/phri_analysis/bags.py and analysis/tests
   call      calls that are unsafe, or that draw random numbers anywhere but from phri_core::Random
   size      no source file past 400 lines
   path      no path of one particular machine
@@ -119,7 +119,7 @@ class Checkout:
         seen = {package, "std"} | SEES[package]
         if folder in NODE_FOLDERS or path in self.rostest_scripts:
             seen |= ROS_ZONE
-        if folder == "ros":
+        if folder == "ros" or path in self.rostest_scripts:
             seen |= {"rosbag"}
         if folder == "python":
             seen |= {"pybind11"}

@@ -49,11 +49,12 @@ experiment_seconds=$SECONDS
 [ "$launched" -ne 124 ] || fail "the experiment was stopped after ${DEMO_LIMIT:-1800} s"
 [ "$launched" -eq 0 ] || fail "roslaunch ended with exit status $launched" "$launched"
 [ -s "$out/session.status" ] || fail "the session ended without leaving its status (no session.status)"
-status=$(tr -d '[:space:]' <"$out/session.status")
+# "<exit status> <reason>"
+read -r status reason <"$out/session.status" || true
 case $status in
   0) ;;
   *[!0-9]* | '') fail "session.status holds '$status', expected an exit status 0-255" ;;
-  *) fail "the session ended with exit status $status; its last messages stand above" "$status" ;;
+  *) fail "the session ended with exit status $status: ${reason:-no reason given}" "$status" ;;
 esac
 
 "$root/analysis/bin/phri-analysis" report "$out" || fail "the report could not be made"

@@ -23,4 +23,8 @@ if [ "${PHRI_PROFILE:-release}" = asan ]; then
   export PHRI_PRELOAD ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1
 fi
 
+# into every bag and session.yaml
+PHRI_GIT_REVISION=$(git -C "$PHRI_ROOT" describe --always --dirty 2>/dev/null || echo unknown)
+export PHRI_GIT_REVISION
+
 export PATH=$PHRI_ROOT/analysis/bin:$PATH PYTHONPATH=$PHRI_ROOT/analysis${PYTHONPATH:+:$PYTHONPATH}

@@ -18,7 +18,7 @@ FAKE_ANALYSIS = """#!/bin/bash
 [ "$1" = report ] || exit 2
 %s
 """
-SESSION_DONE = 'echo 0 >"$out/session.status"'
+SESSION_DONE = 'echo 0 all trials ran >"$out/session.status"'
 REPORT_DONE = 'echo a,b >"$2/table.csv"; echo "<html>" >"$2/report.html"'
 
 
@@ -58,7 +58,7 @@ def test_a_dead_display_is_no_display(demo):
 
 @pytest.mark.parametrize("session, report, status, message", [
     ("exit 0", REPORT_DONE, 1, "no session.status"),
-    ('echo 3 >"$out/session.status"', REPORT_DONE, 3, "exit status 3"),
+    ('echo 70 learner died >"$out/session.status"', REPORT_DONE, 70, "exit status 70: learner died"),
     ('echo done >"$out/session.status"', REPORT_DONE, 1, "holds 'done', expected an exit status"),
     (SESSION_DONE + "; exit 5", REPORT_DONE, 5, "roslaunch ended with exit status 5"),
     (SESSION_DONE, REPORT_DONE + "; exit 1", 1, "the report could not be made"),

@@ -68,6 +68,9 @@ def report(bags, out, title, skip_bad):
     "--controllers", default="", metavar="A,B", help="Only these controllers. [default: all of the experiment]"
 )
 @click.option("--seed", type=int, default=None, metavar="S", help="Seed of everything random. [default: experiment]")
+@click.option(
+    "--set", "settings", multiple=True, metavar="KEY=VALUE", help="Another parameter; repeatable."
+)
 @click.option("--jobs", type=int, default=1, show_default=True, metavar="J", help="Processes on this machine.")
 @click.option(
     "--scheduler", default="", metavar="ADDRESS", help="Dask scheduler, to use many machines (tcp://host:8786)."
@@ -79,12 +82,13 @@ def report(bags, out, title, skip_bad):
     metavar="DIR",
     help="Folder for report.html, table.csv and figures/. [default: results/studies/EXPERIMENT]",
 )
-def simulate(experiment, participants, trials, controllers, seed, jobs, scheduler, out):
+def simulate(experiment, participants, trials, controllers, seed, settings, jobs, scheduler, out):
     """Runs EXPERIMENT (a name or a YAML file) in lockstep without ROS, faster than real time, and reports on it."""
     from . import simulate as runner
 
     names = tuple(name.strip() for name in controllers.split(",") if name.strip())
-    request = runner.Request(experiment, participants, trials, names, seed)
+    changed = tuple(runner.setting(text) for text in settings)
+    request = runner.Request(experiment, participants, trials, names, seed, changed)
     kept = runner.simulate(request, jobs, scheduler, progress=sys.stderr.isatty())
     shown = [
         (name, value)
@@ -96,7 +100,8 @@ def simulate(experiment, participants, trials, controllers, seed, jobs, schedule
         )
         if value not in (None, "")
     ]
-    command = " ".join(["phri-analysis simulate", experiment, *[f"--{name} {value}" for name, value in shown]])
+    options = [f"--{name} {value}" for name, value in shown] + [f"--set {text}" for text in settings]
+    command = " ".join(["phri-analysis simulate", experiment, *options])
     notes = [("Command", command), ("Revision", runner.git_revision() or "not a git checkout")]
     _finish(kept, out or Path("results") / "studies" / Path(experiment).stem, "", notes)
 

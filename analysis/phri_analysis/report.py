@@ -123,7 +123,8 @@ def _controller_rows(table, subtask):
         counts = [f"{trials.loc[name, 'sum']} of {trials.loc[name, 'count']}" for name in summary]
         rows.append({"heading": "Completed trials", "values": counts})
     for name, entry in known.items():
-        if name in table.columns and (subtask == "whole" or name in metrics.MEASURES):
+        shown = name in table.columns and table[name].notna().any()
+        if shown and (subtask == "whole" or name in metrics.MEASURES):
             means, deviations = ([frame.loc[name, key] for frame in summary.values()] for key in ("mean", "sd"))
             rows.append({"heading": entry.heading, "values": style.row_of_means(means, deviations, entry.unit)})
     return header, rows

@@ -18,6 +18,7 @@ from concurrent import futures
 from dataclasses import dataclass
 from pathlib import Path
 
+import yaml
 from tqdm import tqdm
 
 from .errors import AnalysisError, DataError, MissingInputError, UsageError
@@ -26,13 +27,15 @@ from .study import Study
 
 @dataclass(frozen=True)
 class Request:
-    """What to run; None leaves a number to the experiment's own file. `controllers` empty: all of the experiment."""
+    """What to run; None leaves a number to the experiment's own file. `controllers` empty: all of the experiment.
+    `settings`: pairs of a parameter's key and its value, instead of what the experiment's files say."""
 
     experiment: str
     participants: int | None = None
     trials: int | None = None
     controllers: tuple = ()
     seed: int | None = None
+    settings: tuple = ()
 
 
 def simulate(request: Request, jobs: int = 1, scheduler: str = "", progress: bool = True) -> Study:
@@ -49,6 +52,23 @@ def simulate(request: Request, jobs: int = 1, scheduler: str = "", progress: boo
             kept.merge(part)
             bar.update()
     return kept
+
+
+def setting(text: str) -> tuple:
+    """'key=value' as (key, value): a number, true, false, a [list] or a text, as in YAML."""
+    key, separator, value = text.partition("=")
+    if not separator or not key:
+        raise UsageError(f"setting {text!r}, expected KEY=VALUE")
+    try:
+        parsed = yaml.safe_load(value)
+    except yaml.YAMLError:
+        raise UsageError(f"setting {text!r}: expected a number, true, false, a [list] or a text as value") from None
+    try:
+        if isinstance(parsed, list):
+            return key, tuple(parsed)  # hashable: plans are kept by their request
+        return key, parsed if isinstance(parsed, bool) else float(parsed)
+    except (TypeError, ValueError):
+        return key, value
 
 
 @functools.lru_cache(maxsize=1)
@@ -68,7 +88,7 @@ def plan(request: Request):
             "devel/setup.bash"
         ) from None
     try:
-        experiment = phri_sim.Experiment(request.experiment)
+        experiment = phri_sim.Experiment(request.experiment, dict(request.settings))
         seed = experiment.seed if request.seed is None else request.seed
         blocks = phri_sim.schedule(experiment, request.participants or 0, request.trials or 0, seed)
     except (ValueError, RuntimeError) as error:

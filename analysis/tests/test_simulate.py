@@ -90,3 +90,21 @@ def test_a_scheduler_that_does_not_answer_is_named(fake):
     pytest.importorskip("distributed")
     with pytest.raises(MissingInputError, match="scheduler nonsense://x"):
         simulate.simulate(REQUEST, scheduler="nonsense://x", progress=False)
+
+
+@pytest.mark.parametrize("text, pair", [
+    ("assistance/q_scale=1e-3", ("assistance/q_scale", 0.001)),
+    ("trials=2", ("trials", 2.0)),
+    ("autonomous_completion=true", ("autonomous_completion", True)),
+    ("model/reference=path", ("model/reference", "path")),
+    ("override/robots/admittance/mass=[40, 40]", ("override/robots/admittance/mass", (40, 40))),
+])
+def test_settings_are_read_as_yaml(text, pair):
+    assert simulate.setting(text) == pair
+
+
+def test_settings_reach_the_experiment_and_bad_ones_are_refused():
+    with pytest.raises(DataError, match="did you mean model/states"):
+        simulate.simulate(simulate.Request("maze_assistance", settings=(("model/state", 5.0),)), progress=False)
+    with pytest.raises(UsageError, match="expected KEY=VALUE"):
+        simulate.setting("trials")

@@ -8,7 +8,9 @@ CONTROLLERS = ("none", "lqr", "mahalanobis")
 
 
 class Experiment:
-    def __init__(self, name):
+    def __init__(self, name, overrides):
+        if "model/state" in overrides:
+            raise ValueError(f"{name}: 1 error\n  model/state = 5: unknown key; did you mean model/states?")
         if name == "absent":
             raise ValueError('experiment "absent": no such file, and no share/config/experiments/absent.yaml')
         if name.endswith(".yaml"):

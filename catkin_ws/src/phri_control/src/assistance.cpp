@@ -323,6 +323,15 @@ const std::vector<std::pair<std::string, Factory>>& catalogue()
 
 }  // namespace
 
+bool withinGate(const phri_core::Observation& observation, const phri_core::Prediction& prediction, double gate)
+{
+  if (gate <= 0.0 || prediction.desired_state.empty())
+    return true;
+  const Eigen::VectorXd& start = prediction.desired_state.front().mean;
+  const Eigen::Index dof = observation.state.size() / 2;
+  return start.size() != 2 * dof || (start.head(dof) - observation.state.head(dof)).norm() <= gate;
+}
+
 std::unique_ptr<AssistanceController> makeAssistance(const std::string& name, const AssistanceSettings& settings)
 {
   requireValid(settings);

@@ -373,3 +373,14 @@ TEST(Assistance, unusableInputsGiveNoPolicyAndAReason)
     EXPECT_EQ(controller->failure(), "");
   }
 }
+
+TEST(Gate, ignoresPredictionsThatStartFarAway)
+{
+  phri_core::Observation observation;
+  observation.state = Eigen::Vector4d(0.1, 0.0, 0.0, 0.0);
+  phri_core::Prediction prediction;
+  prediction.desired_state.push_back({ Eigen::Vector4d(0.1, 0.015, 5.0, 5.0), Eigen::Matrix4d::Identity() });
+  EXPECT_TRUE(phri_control::withinGate(observation, prediction, 0.02)) << "velocities must not count";
+  EXPECT_FALSE(phri_control::withinGate(observation, prediction, 0.01));
+  EXPECT_TRUE(phri_control::withinGate(observation, prediction, 0.0)) << "0 is no gate";
+}

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The Python face of phri_core: sizes are checked where numpy meets stack-sized vectors; seeds give the same numbers."""
+"""The Python face of phri_core: sizes are checked where numpy meets stack-sized vectors."""
 
 import numpy as np
 import phri_core

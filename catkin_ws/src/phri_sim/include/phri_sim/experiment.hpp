@@ -1,0 +1,86 @@
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "phri_control/assistance.hpp"
+#include "phri_control/interaction_loop.hpp"
+#include "phri_sim/configuration.hpp"
+#include "phri_sim/haptic_device.hpp"
+#include "phri_sim/participant.hpp"
+#include "phri_sim/scene.hpp"
+
+namespace phri_sim
+{
+/// What the robot learns between trials and how it predicts: a time-based HMM over [x; xdot; u_h].
+struct ModelSettings
+{
+  int states = 40;
+  std::string reference = "path";        ///< "path" (absolute) or "displacement"
+  std::string time = "entry_corrected";  ///< "thesis" (3.8), "entry_corrected" or "regressed": progress in the model
+  std::string recognition = "position";  ///< "position", "motion" or "all" (thesis): what tells the progress
+  bool adapt_pace = false;               ///< model time passes at the observed pace
+  double gate = 0.0;  ///< [m] a prediction farther away from where the object is than this is ignored (5.1.1); 0: none
+  int window = 30;    ///< [samples] that recognition looks back
+  double dt = 0.02;   ///< [s] sampling of the observations, step of the predictions, replanning period
+  double horizon = 0.2;  ///< [s] of the predictions
+};
+
+/// Everything that defines an experiment but the people and the seeds. Immutable once loaded.
+struct Experiment
+{
+  std::string name, path;
+  std::shared_ptr<const Scene> scene;
+  phri_control::LoopSettings loop;
+  phri_control::AssistanceSettings assistance;
+  SensorSettings sensors;
+  ModelSettings model;
+  Population population;
+  std::vector<std::string> controllers;
+  int participants = 1, trials = 3;
+  int seed = 7;
+  double timeout = 60.0;  ///< [s] after which a trial ends without having reached the goal
+
+  /// Ticks between two observations of the model, and between two plans.
+  int replanTicks() const { return int(std::lround(model.dt / loop.dt)); }
+};
+
+/// Loads `config/experiments/<name>.yaml` or a path and the scene, robot, safety profile and population that it names.
+/// `overrides` replace keys of the experiment file; its keys "override/robot/...", "override/safety/..." and
+/// "override/participants/..." replace keys of the files named. Throws phri_core::ParameterError listing all errors of
+/// all files at once.
+Experiment loadExperiment(const std::string& name_or_path, const Parameters& overrides = {});
+
+/// Reference of every parameter of every file, as Markdown.
+std::string parameterReference();
+
+/// One trial of the plan. `seed` belongs to participant and trial alone, so that noise and obstacles are the same under
+/// every controller.
+struct TrialSpec
+{
+  int participant = 0;
+  std::string controller;
+  int trial = 1;           ///< 1.. within the block
+  int practice = 0;        ///< trials that this person has done before, in any block
+  bool evaluated = false;  ///< the last trial of the block
+  std::uint64_t seed = 0;
+  std::uint64_t study_seed = 0;  ///< that the person is drawn from
+};
+
+/// The trials of one person under one controller, in order; the robot starts with nothing learned.
+struct Block
+{
+  int participant = 0;
+  std::string controller;
+  std::uint64_t seed = 0;  ///< of the study
+  std::vector<TrialSpec> trials;
+};
+
+TrialSpec trialSpec(int participant, const std::string& controller, int trial, int trials, int practice,
+                    std::uint64_t study_seed);
+
+/// Participants 0 .. participants - 1, each under every controller in the order of a balanced Latin square (Williams
+/// 1949), `trials` trials per block. Zero or negative numbers: those of the experiment.
+std::vector<Block> schedule(const Experiment& experiment, int participants, int trials, std::uint64_t seed);
+}  // namespace phri_sim

@@ -1,0 +1,32 @@
+#pragma once
+#include <Eigen/Core>
+#include <vector>
+
+#include "phri_sim/scene.hpp"
+
+namespace phri_sim
+{
+/// A path through a scene, sampled every `step` of arc length, ends included.
+struct Route
+{
+  double step = 0.001;                    ///< [m]
+  std::vector<Eigen::Vector2d> points;    ///< [m]
+  std::vector<Eigen::Vector2d> tangents;  ///< unit vectors
+  std::vector<double> curvature;          ///< [1/m], signed, left turns positive
+  std::vector<double> clearance;          ///< [m] between the object's rim and the walls
+
+  double length() const { return step * (points.size() - 1); }
+  /// Interpolates linearly; s [m] is clamped to the route.
+  Eigen::Vector2d position(double s) const;
+  Eigen::Vector2d tangent(double s) const;
+  double interpolate(const std::vector<double>& values, double s) const;
+  /// Arc length of the point nearest to x within `reach` [m] of s.
+  double project(const Eigen::Vector2d& x, double s, double reach) const;
+};
+
+/// The comfortable way from the scene's start to its goal: least time where the pace falls linearly with the clearance
+/// below `preferred_clearance` [m] (fast marching on a 2 mm grid, then descent and smoothing over 30 mm), so that it
+/// keeps to the middle of narrow passages and rounds corners. Throws std::invalid_argument when no way leads to the
+/// goal.
+Route planRoute(const Scene& scene, double preferred_clearance);
+}  // namespace phri_sim

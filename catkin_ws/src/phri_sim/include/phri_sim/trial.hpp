@@ -1,0 +1,91 @@
+#pragma once
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "phri_control/assistance.hpp"
+#include "phri_control/interaction_loop.hpp"
+#include "phri_sim/experiment.hpp"
+#include "phri_sim/haptic_device.hpp"
+#include "phri_sim/human_partner.hpp"
+
+namespace phri_sim
+{
+/// What a prediction said about the position at its horizon's end: `time` = t0 + horizon.
+struct PredictedPosition
+{
+  std::int64_t known_from_ns = 0;  ///< of the tick after which it was made
+  double t0 = 0.0, horizon = 0.0;  ///< [s]
+  Eigen::Vector2d mean;            ///< [m]
+  Eigen::Matrix2d covariance;      ///< [m^2]
+};
+
+/// One trial, from the start to the goal (or the timeout), a millisecond at a time, without ROS: person, device, scene,
+/// interaction loop and assistance. The same object runs inside the ROS node. Bit-identical for one TrialSpec.
+///
+///   while (!trial.finished()) { trial.step(); if (trial.planDue()) trial.plan(prediction, or nothing); }
+class Trial
+{
+public:
+  Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec);
+
+  /// One tick of 1 ms.
+  void step();
+  /// After the step at t = 0, model.dt, 2 model.dt, ...: models may observe, and `plan` is expected.
+  bool planDue() const { return (tick_ - 1) % replan_ticks_ == 0; }
+  /// Lets the controller plan on `prediction`; a failed plan, or no prediction, keeps the old policy.
+  void plan(const std::optional<phri_core::Prediction>& prediction);
+  bool finished() const { return completed_ || timed_out_; }
+  bool completed() const { return completed_; }
+
+  phri_core::Observation observation() const { return loop_.observation(); }
+  const phri_control::TickRecord& record() const { return loop_.record(); }
+  phri_control::InteractionLoop& loop() { return loop_; }
+  const TrialSpec& spec() const { return spec_; }
+  const Experiment& experiment() const { return *experiment_; }
+  const std::vector<MovingObstacle>& obstacles() const { return obstacles_; }
+  const Participant& participant() const { return person_; }
+  double time() const { return tick_ * experiment_->loop.dt; }
+  int failedPlans() const { return failed_plans_; }
+
+  /// Replaces the reading of the device before the loop sees it; for fault injection.
+  std::function<void(phri_core::Measurement&, std::int64_t now_ns)> tamper;
+
+private:
+  std::shared_ptr<const Experiment> experiment_;
+  TrialSpec spec_;
+  Participant person_;
+  std::vector<MovingObstacle> obstacles_;
+  HapticDevice device_;
+  HumanPartner human_;
+  phri_control::InteractionLoop loop_;
+  std::unique_ptr<phri_control::AssistanceController> controller_;
+  std::int64_t tick_ = 0;
+  int replan_ticks_, failed_plans_ = 0;
+  bool completed_ = false, timed_out_ = false;
+};
+
+/// A finished trial.
+struct TrialLog
+{
+  TrialSpec spec;
+  bool completed = false;
+  int failed_plans = 0;
+  std::vector<phri_control::TickRecord> ticks;
+  std::vector<PredictedPosition> predictions;
+  /// Samples [x; xdot; u_h] every `model.dt`, (T, 6): what the learner sees of it.
+  Eigen::MatrixXd demonstration;
+};
+
+/// Runs a trial with a model (may be null) in lockstep.
+TrialLog runTrial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec,
+                  std::shared_ptr<phri_core::BehaviorModel> model);
+
+/// Learns a model from the demonstrations of a block so far, as the learner node does; null without any.
+std::shared_ptr<phri_core::BehaviorModel> learn(const ModelSettings& settings,
+                                                const std::vector<Eigen::MatrixXd>& demonstrations);
+
+/// All trials of a block in order, learning in between. The first trial runs without a model.
+std::vector<TrialLog> runBlock(std::shared_ptr<const Experiment> experiment, const Block& block);
+}  // namespace phri_sim

@@ -1,0 +1,250 @@
+// Module `phri_sim`: experiments, simulated people and whole trials in lockstep, without ROS.
+#include <pybind11/eigen.h>
+#include <pybind11/functional.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "phri_sim/route.hpp"
+#include "phri_sim/trial.hpp"
+
+namespace py = pybind11;
+using namespace phri_sim;
+
+namespace
+{
+using ExperimentPtr = std::shared_ptr<const Experiment>;
+
+template <typename Value>
+py::array_t<Value> column(const TrialLog& log, const std::function<Value(const phri_control::TickRecord&)>& value)
+{
+  py::array_t<Value> out(log.ticks.size());
+  Value* data = out.mutable_data();
+  for (std::size_t k = 0; k < log.ticks.size(); ++k)
+    data[k] = value(log.ticks[k]);
+  return out;
+}
+
+/// Columns of the newest prediction on every row; NaN before the first.
+void addPredictions(const TrialLog& log, py::dict& columns)
+{
+  const char* names[] = { "prediction_t0", "prediction_horizon", "prediction_x", "prediction_y",
+                          "prediction_xx", "prediction_xy",      "prediction_yy" };
+  std::vector<py::array_t<double>> arrays;
+  for (const char* name : names)
+  {
+    arrays.emplace_back(log.ticks.size());
+    columns[name] = arrays.back();
+  }
+  std::size_t next = 0;
+  double row[7];
+  std::fill(row, row + 7, std::nan(""));
+  for (std::size_t k = 0; k < log.ticks.size(); ++k)
+  {
+    for (; next < log.predictions.size() && log.predictions[next].known_from_ns <= log.ticks[k].time_ns; ++next)
+    {
+      const PredictedPosition& p = log.predictions[next];
+      const double newest[] = {
+        p.t0, p.horizon, p.mean(0), p.mean(1), p.covariance(0, 0), p.covariance(0, 1), p.covariance(1, 1)
+      };
+      std::copy(newest, newest + 7, row);
+    }
+    for (int i = 0; i < 7; ++i)
+      arrays[i].mutable_data()[k] = row[i];
+  }
+}
+
+py::dict attributes(const Experiment& experiment, const TrialLog& log)
+{
+  const Scene& scene = *experiment.scene;
+  py::dict map, attrs;
+  map["image"] = std::filesystem::absolute(scene.image_path).string();
+  map["resolution"] = scene.walls.resolution();
+  // the field has one pixel of wall around the picture
+  map["origin"] = std::vector<double>{ scene.walls.origin()(0) + scene.walls.resolution(),
+                                       scene.walls.origin()(1) + scene.walls.resolution() };
+  attrs["experiment"] = experiment.name;
+  attrs["scene"] = scene.name;
+  attrs["map"] = map;
+  attrs["start"] = std::vector<double>{ scene.start(0), scene.start(1) };
+  attrs["goal"] = std::vector<double>{ scene.goal(0), scene.goal(1) };
+  attrs["turning_point_x"] = scene.turning_x;
+  attrs["participant"] = log.spec.participant;
+  attrs["controller"] = log.spec.controller;
+  attrs["trial"] = log.spec.trial;
+  attrs["practice"] = log.spec.practice;
+  attrs["evaluated"] = log.spec.evaluated;
+  attrs["seed"] = log.spec.study_seed;
+  attrs["completed"] = log.completed;
+  attrs["failed_plans"] = log.failed_plans;
+  attrs["simulated_participants"] = true;
+  py::list obstacles;
+  for (const MovingObstacle& obstacle : scene.obstacles)
+  {
+    py::dict box;
+    box["center"] = std::vector<double>{ obstacle.center(0), obstacle.center(1) };
+    box["half_size"] = std::vector<double>{ obstacle.half_size(0), obstacle.half_size(1) };
+    box["amplitude"] = obstacle.amplitude;
+    obstacles.append(box);
+  }
+  attrs["obstacles"] = obstacles;
+  return attrs;
+}
+
+py::object table(const Experiment& experiment, const TrialLog& log)
+{
+  using Record = phri_control::TickRecord;
+  py::dict columns;
+  columns["t"] = column<double>(log, [](const Record& r) { return r.time_ns * 1e-9; });
+  const std::pair<const char*, phri_core::VectorDof Record::*> vectors[] = {
+    { "", &Record::position },
+    { "v", &Record::velocity },
+    { "human_", &Record::human_wrench },
+    { "environment_", &Record::environment_wrench },
+    { "assistance_", &Record::assistance_wrench },
+    { "requested_", &Record::requested_wrench },
+  };
+  for (const auto& [prefix, field] : vectors)
+    for (int axis = 0; axis < 2; ++axis)
+      columns[py::str(prefix + std::string(axis ? "y" : "x"))] =
+          column<double>(log, [field = field, axis](const Record& r) { return (r.*field)(axis); });
+  columns["state"] = column<std::int64_t>(log, [](const Record& r) { return std::int64_t(r.state); });
+  columns["fault"] = column<std::int64_t>(log, [](const Record& r) { return std::int64_t(r.fault); });
+  columns["limits"] = column<std::int64_t>(log, [](const Record& r) { return std::int64_t(r.limits); });
+  columns["tank"] = column<double>(log, [](const Record& r) { return r.tank; });
+  columns["passivity"] = column<double>(log, [](const Record& r) { return r.passivity; });
+  addPredictions(log, columns);
+  py::object frame = py::module_::import("pandas").attr("DataFrame")(columns);
+  frame.attr("attrs") = attributes(experiment, log);
+  return frame;
+}
+
+/// Python's numbers, flags, texts and lists as parameters; pybind11's own variant would read the integer 5 as true.
+Parameters parameters(const py::dict& given)
+{
+  Parameters out;
+  for (const auto& [key, value] : given)
+  {
+    const std::string name = py::str(key);
+    if (py::isinstance<py::bool_>(value))
+      out[name] = value.cast<bool>();
+    else if (py::isinstance<py::str>(value))
+      out[name] = value.cast<std::string>();
+    else if (!py::isinstance<py::sequence>(value))
+      out[name] = value.cast<double>();
+    else if (py::len(value) > 0 && py::isinstance<py::str>(value[py::int_(0)]))
+      out[name] = value.cast<std::vector<std::string>>();
+    else
+      out[name] = value.cast<std::vector<double>>();
+  }
+  return out;
+}
+
+std::vector<TrialLog> runUnlocked(const ExperimentPtr& experiment, const Block& block)
+{
+  py::gil_scoped_release unlocked;
+  return runBlock(experiment, block);
+}
+
+py::object runOne(const py::object& experiment, const std::string& controller, int participant, int seed, int trial)
+{
+  const ExperimentPtr loaded = py::isinstance<Experiment>(experiment)
+                                   ? experiment.cast<ExperimentPtr>()
+                                   : std::make_shared<const Experiment>(loadExperiment(experiment.cast<std::string>()));
+  const int last = trial > 0 ? trial : loaded->trials;
+  if (participant < 0)
+    throw py::value_error("participant = " + std::to_string(participant) + ": expected 0 or more");
+  Block block{ participant, controller, std::uint64_t(seed), {} };
+  for (int k = 1; k <= last; ++k)
+    block.trials.push_back(trialSpec(participant, controller, k, loaded->trials, k - 1, seed));
+  return table(*loaded, runUnlocked(loaded, block).back());
+}
+}  // namespace
+
+PYBIND11_MODULE(phri_sim, m)
+{
+  m.doc() = "Experiments with simulated people in lockstep: the same tick as in ROS, without ROS.";
+  py::module_::import("phri_core");
+  py::module_::import("phri_control");
+
+  py::class_<Experiment, std::shared_ptr<Experiment>>(m, "Experiment", "A validated experiment, by name or YAML path.")
+      .def(py::init([](const std::string& name, const py::dict& overrides) {
+             return std::make_shared<Experiment>(loadExperiment(name, parameters(overrides)));
+           }),
+           py::arg("name"), py::arg("overrides") = py::dict(),
+           "overrides: flat keys such as 'model/states' or 'override/robots/admittance/mass'.")
+      .def_readonly("name", &Experiment::name)
+      .def_readonly("path", &Experiment::path)
+      .def_readonly("controllers", &Experiment::controllers)
+      .def_readonly("participants", &Experiment::participants)
+      .def_readonly("trials", &Experiment::trials)
+      .def_readonly("seed", &Experiment::seed)
+      .def("person",
+           [](const Experiment& e, std::uint64_t seed, int index) { return e.population.person(seed, index); })
+      .def(
+          "route", [](const Experiment& e, double clearance) { return planRoute(*e.scene, clearance).points; },
+          py::arg("clearance") = 0.012, "Comfortable way from start to goal, list of (2,) [m].");
+
+  py::class_<Participant> participant(m, "Participant", "Parameters of one simulated person.");
+  participant.def_readonly("index", &Participant::index);
+  static const Population population;
+  for (const Trait& trait : population.traits)
+    participant.def_readonly(trait.key.c_str(), trait.field, (trait.help + " [" + trait.unit + "]").c_str());
+
+  py::class_<TrialSpec>(m, "TrialSpec")
+      .def(py::init(&trialSpec), py::arg("participant"), py::arg("controller"), py::arg("trial"), py::arg("trials"),
+           py::arg("practice"), py::arg("study_seed"))
+      .def_readonly("participant", &TrialSpec::participant)
+      .def_readonly("controller", &TrialSpec::controller)
+      .def_readonly("trial", &TrialSpec::trial)
+      .def_readonly("practice", &TrialSpec::practice)
+      .def_readonly("evaluated", &TrialSpec::evaluated)
+      .def_readonly("seed", &TrialSpec::seed)
+      .def_readonly("study_seed", &TrialSpec::study_seed);
+  py::class_<Block>(m, "Block", "All trials of one participant under one controller.")
+      .def_readonly("participant", &Block::participant)
+      .def_readonly("controller", &Block::controller)
+      .def_readonly("seed", &Block::seed)
+      .def_readonly("trials", &Block::trials)
+      .def(py::pickle(
+          [](const Block& b) {
+            return py::make_tuple(b.participant, b.controller, b.seed, b.trials.size(),
+                                  b.trials.empty() ? 0 : b.trials.front().practice);
+          },
+          [](const py::tuple& state) {
+            Block block{ state[0].cast<int>(), state[1].cast<std::string>(), state[2].cast<std::uint64_t>(), {} };
+            const int trials = state[3].cast<int>(), practice = state[4].cast<int>();
+            for (int trial = 1; trial <= trials; ++trial)
+              block.trials.push_back(
+                  trialSpec(block.participant, block.controller, trial, trials, practice + trial - 1, block.seed));
+            return block;
+          }));
+
+  m.def("schedule", &schedule, py::arg("experiment"), py::arg("participants") = 0, py::arg("trials") = 0,
+        py::arg("seed") = 7, "Blocks of the study in balanced order; 0: the experiment's own numbers.");
+  m.def(
+      "run_block",
+      [](const std::shared_ptr<Experiment>& experiment, const Block& block) {
+        py::list tables;
+        for (const TrialLog& log : runUnlocked(experiment, block))
+          tables.append(table(*experiment, log));
+        return tables;
+      },
+      py::arg("experiment"), py::arg("block"), "All trials of a block, learning in between: a list of trial tables.");
+  m.def("run_trial", &runOne, py::arg("experiment"), py::arg("controller") = "none", py::arg("participant") = 0,
+        py::arg("seed") = 7, py::arg("trial") = 0,
+        "Runs trial number `trial` (default: the last, evaluated one) of a participant under a controller, after the\n"
+        "trials before it, from which the robot learns. Returns its table: one row per millisecond, SI units.");
+  m.def(
+      "demonstration",
+      [](const py::object& frame, int every) {
+        py::object rows = frame.attr("iloc")[py::slice(0, std::int64_t(py::len(frame)), every)];
+        const std::vector<std::string> names{ "x", "y", "vx", "vy", "human_x", "human_y" };
+        return rows.attr("__getitem__")(names).attr("to_numpy")();
+      },
+      py::arg("table"), py::arg("every") = 20, "Samples [x; xdot; u_h] (T, 6) of a trial table, every 20 ms.");
+  m.def("parameter_reference", &parameterReference, "Every parameter of every configuration file, as Markdown.");
+  m.def("share_folder", &shareFolder);
+}

@@ -1,0 +1,92 @@
+#include "metadata.hpp"
+
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+namespace phri_sim
+{
+namespace
+{
+using nlohmann::json;
+
+json pair(const Eigen::Vector2d& x)
+{
+  return { x(0), x(1) };
+}
+
+/// As text, the way the tables print them: what was in force, defaults included.
+void addTable(json& parameters, const std::string& prefix, const phri_core::ParameterTable& table)
+{
+  for (const auto& entry : table.entries())
+    parameters[prefix + entry.key] = entry.initial;
+}
+
+json parametersInForce(const NodeSetup& setup)
+{
+  Experiment experiment = *setup.experiment;
+  json parameters;
+  Parameters given = loadYaml(experiment.path);
+  for (const auto& [key, value] : setup.overrides)
+    given[key] = value;
+  for (const auto& [key, value] : given)
+    std::visit([&parameters, name = key](const auto& v) { parameters[name] = v; }, value);
+  phri_core::ParameterTable sensors;
+  addParameters(sensors, experiment.sensors);
+  addTable(parameters, "robot/", sensors);
+  parameters["robot/admittance/mass"] = pair(experiment.loop.mass);
+  parameters["robot/admittance/damping"] = pair(experiment.loop.damping);
+  parameters["robot/loop/replan_blend"] = experiment.loop.replan_blend;
+  addTable(parameters, "safety/", phri_core::parameterTable(experiment.loop.safety));
+  addTable(parameters, "assistance/", phri_control::parameterTable(experiment.assistance));
+  addTable(parameters, "participants/", experiment.population.table());
+  return parameters;
+}
+
+json obstacles(const Scene& scene)
+{
+  json boxes = json::array();
+  for (const MovingObstacle& obstacle : scene.obstacles)
+    boxes.push_back({ { "center", pair(obstacle.center) },
+                      { "half_size", pair(obstacle.half_size) },
+                      { "amplitude", obstacle.amplitude } });
+  return boxes;
+}
+}  // namespace
+
+std::string metadata(const NodeSetup& setup, const TrialSpec& spec, bool completed, int failed_plans)
+{
+  const Experiment& experiment = *setup.experiment;
+  const Scene& scene = *experiment.scene;
+  const char* revision = std::getenv("PHRI_GIT_REVISION");
+  const double resolution = scene.walls.resolution();
+  json attributes = {
+    { "experiment", experiment.name },
+    { "scene", scene.name },
+    { "participant", spec.participant },
+    { "controller", spec.controller },
+    { "trial", spec.trial },
+    { "practice", spec.practice },
+    { "evaluated", spec.evaluated },
+    { "seed", spec.study_seed },
+    { "trial_seed", spec.seed },
+    { "completed", completed },
+    { "failed_plans", failed_plans },
+    { "simulated_participants", setup.settings.human == "simulated" },
+    { "clock", setup.settings.clock },
+    { "start", pair(scene.start) },
+    { "goal", pair(scene.goal) },
+    { "turning_point_x", scene.turning_x },
+    { "git_revision", revision && *revision ? revision : "unknown" },
+    { "units", "SI: m, s, kg, N, J; wrenches are exerted BY the named agent ON the object, in frame maze" },
+    { "parameters", parametersInForce(setup) },
+  };
+  // the field has one pixel of wall around the picture
+  attributes["map"] = { { "image", std::filesystem::absolute(scene.image_path).string() },
+                        { "resolution", resolution },
+                        { "origin", pair(scene.walls.origin().array() + resolution) },
+                        { "occupied_thresh", scene.occupied } };
+  attributes["obstacles"] = obstacles(scene);
+  return attributes.dump();
+}
+}  // namespace phri_sim

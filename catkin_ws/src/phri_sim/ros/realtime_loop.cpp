@@ -1,0 +1,104 @@
+#include "realtime_loop.hpp"
+
+#include <pthread.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <time.h>
+
+#include <cstdio>
+
+namespace phri_sim
+{
+namespace
+{
+constexpr std::size_t kRecords = 8192;  // 8 s that a disk may take to answer
+constexpr int kPriority = 80;
+
+std::int64_t monotonicNs() noexcept
+{
+  timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return now.tv_sec * 1000000000LL + now.tv_nsec;
+}
+
+void sleepUntil(std::int64_t ns) noexcept
+{
+  const timespec deadline{ ns / 1000000000, ns % 1000000000 };
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &deadline, nullptr) != 0)
+  {
+  }
+}
+}  // namespace
+
+void LatenessHistogram::add(double lateness) noexcept
+{
+  std::size_t bin = 0;
+  while (bin < kEdges.size() && lateness > kEdges[bin])
+    ++bin;
+  counts[bin].fetch_add(1, std::memory_order_relaxed);
+  if (lateness > worst.load(std::memory_order_relaxed))
+    worst.store(lateness, std::memory_order_relaxed);
+}
+
+std::string LatenessHistogram::text() const
+{
+  std::string out;
+  char part[64];
+  for (std::size_t bin = 0; bin < counts.size(); ++bin)
+  {
+    const bool last = bin == kEdges.size();
+    std::snprintf(part, sizeof(part), "%s%g ms: %llu, ", last ? "> " : "<= ", 1e3 * kEdges[last ? bin - 1 : bin],
+                  static_cast<unsigned long long>(counts[bin].load()));
+    out += part;
+  }
+  std::snprintf(part, sizeof(part), "worst %.3f ms, slipped %llu, dropped %llu", 1e3 * worst.load(),
+                static_cast<unsigned long long>(slipped.load()), static_cast<unsigned long long>(dropped.load()));
+  return out + part;
+}
+
+RealtimeLoop::RealtimeLoop(Trial& trial) : trial_(trial), ring_(kRecords)
+{
+  thread_ = std::thread(&RealtimeLoop::run, this);
+}
+
+RealtimeLoop::~RealtimeLoop()
+{
+  stop();
+}
+
+void RealtimeLoop::stop()
+{
+  stop_ = true;
+  if (thread_.joinable())
+    thread_.join();
+}
+
+void RealtimeLoop::run() noexcept
+{
+  const bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
+  const sched_param priority{ kPriority };
+  const bool scheduled = pthread_setschedparam(pthread_self(), SCHED_FIFO, &priority) == 0;
+  refused_ = locked ? (scheduled ? "" : "SCHED_FIFO") : (scheduled ? "mlockall" : "mlockall and SCHED_FIFO");
+
+  const std::int64_t period = std::llround(trial_.experiment().loop.dt * 1e9);
+  std::int64_t deadline = monotonicNs() + period;
+  while (!stop_ && !trial_.finished())
+  {
+    sleepUntil(deadline);
+    const std::int64_t late = monotonicNs() - deadline;
+    lateness_.add(late * 1e-9);
+    if (late >= period)
+    {
+      lateness_.slipped.fetch_add(late / period, std::memory_order_relaxed);
+      deadline += late;
+    }
+    deadline += period;
+    trial_.step();
+    if (!ring_.push(trial_.record()))
+      lateness_.dropped.fetch_add(1, std::memory_order_relaxed);
+    if (trial_.planDue())
+      due_.post(trial_.record());
+  }
+  running_ = false;
+}
+}  // namespace phri_sim

@@ -1,0 +1,136 @@
+#include "phri_sim/trial.hpp"
+
+#include "phri_learning/behavior_models.hpp"
+#include "phri_learning/hmm_training.hpp"
+#include "phri_sim/route.hpp"
+
+namespace phri_sim
+{
+namespace
+{
+constexpr int kDof = 2;
+constexpr double kSettledSpeed = 0.02;  // [m/s] at the goal: arrived, not passing through
+
+std::shared_ptr<const Route> routeOf(const Experiment& experiment, const Participant& person)
+{
+  return std::make_shared<const Route>(planRoute(*experiment.scene, person.clearance));
+}
+
+PredictedPosition atHorizon(const phri_core::Prediction& prediction, std::int64_t now_ns)
+{
+  const phri_core::Gaussian& last = prediction.desired_state.back();
+  return { now_ns, prediction.t0, prediction.dt * double(prediction.desired_state.size() - 1), last.mean.head<2>(),
+           last.covariance.topLeftCorner<2, 2>() };
+}
+}  // namespace
+
+Trial::Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec)
+  : experiment_(std::move(experiment)),
+    spec_(spec),
+    person_(experiment_->population.person(spec.study_seed, spec.participant)),
+    obstacles_(obstaclesOfTrial(*experiment_->scene, spec.seed)),
+    device_(experiment_->sensors, experiment_->scene->start, spec.seed),
+    human_(experiment_->scene, routeOf(*experiment_, person_), person_, spec.practice, experiment_->loop.mass(0),
+           experiment_->loop.damping(0), spec.seed),
+    loop_(experiment_->loop),
+    controller_(phri_control::makeAssistance(spec.controller, experiment_->assistance)),
+    replan_ticks_(experiment_->replanTicks())
+{
+  loop_.place(experiment_->scene->start);
+  loop_.start();
+}
+
+void Trial::step()
+{
+  const double dt = experiment_->loop.dt, t = tick_ * dt;
+  const std::int64_t now_ns = tick_ * std::llround(dt * 1e9);
+  const Eigen::Vector2d x = device_.position(), v = device_.velocity();
+  const phri_core::VectorDof& assistance = loop_.record().assistance_wrench;
+  const Eigen::Vector2d human = human_.step(t, x, v, assistance, obstacles_);
+  const Eigen::Vector2d contact = contactForce(*experiment_->scene, obstacles_, x, v, t);
+  phri_core::Measurement measurement = device_.read(human, contact, now_ns);
+  if (tamper)
+    tamper(measurement, now_ns);
+  device_.write(loop_.tick(measurement, now_ns));
+  ++tick_;
+  completed_ = (device_.position() - experiment_->scene->goal).norm() < experiment_->scene->goal_radius &&
+               device_.velocity().norm() < kSettledSpeed;
+  timed_out_ = !completed_ && tick_ * dt >= experiment_->timeout;
+}
+
+void Trial::plan(const std::optional<phri_core::Prediction>& prediction)
+{
+  if (!prediction || !phri_control::withinGate(observation(), *prediction, experiment_->model.gate))
+    return;
+  std::optional<phri_control::FeedbackPolicy> policy = controller_->plan(observation(), *prediction);
+  if (policy)
+    loop_.adopt(std::move(*policy));
+  else
+    ++failed_plans_;
+}
+
+std::shared_ptr<phri_core::BehaviorModel> learn(const ModelSettings& settings,
+                                                const std::vector<Eigen::MatrixXd>& demonstrations)
+{
+  if (demonstrations.empty())
+    return nullptr;
+  phri_learning::TrainingOptions options;
+  options.states = settings.states;
+  options.dt = settings.dt;
+  phri_learning::TimeHmmModelSettings model;
+  model.dof = kDof;
+  model.window = settings.window;
+  model.reference = phri_learning::referenceNamed(settings.reference);
+  model.time = phri_learning::timeEstimateNamed(settings.time);
+  model.recognition = phri_learning::recognitionNamed(settings.recognition);
+  model.adapt_pace = settings.adapt_pace;
+  auto hmm = std::make_shared<const phri_learning::TimeHmm>(phri_learning::train(demonstrations, options).model);
+  return std::make_shared<phri_learning::TimeHmmModel>(std::move(hmm), model);
+}
+
+TrialLog runTrial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec,
+                  std::shared_ptr<phri_core::BehaviorModel> model)
+{
+  Trial trial(experiment, spec);
+  TrialLog log;
+  log.spec = spec;
+  log.ticks.reserve(20000);
+  std::vector<Eigen::VectorXd> samples;
+  if (model)
+    model->reset();
+  while (!trial.finished())
+  {
+    trial.step();
+    log.ticks.push_back(trial.record());
+    if (!trial.planDue())
+      continue;
+    const phri_core::Observation observation = trial.observation();
+    samples.push_back(phri_learning::observationVector(observation, kDof));
+    if (!model)
+      continue;
+    model->observe(observation);
+    const auto prediction = model->predict(experiment->model.horizon, experiment->model.dt);
+    if (prediction)
+      log.predictions.push_back(atHorizon(*prediction, trial.record().time_ns));
+    trial.plan(prediction);
+  }
+  log.completed = trial.completed();
+  log.failed_plans = trial.failedPlans();
+  log.demonstration.resize(samples.size(), 3 * kDof);
+  for (std::size_t k = 0; k < samples.size(); ++k)
+    log.demonstration.row(k) = samples[k];
+  return log;
+}
+
+std::vector<TrialLog> runBlock(std::shared_ptr<const Experiment> experiment, const Block& block)
+{
+  std::vector<TrialLog> logs;
+  std::vector<Eigen::MatrixXd> demonstrations;
+  for (const TrialSpec& spec : block.trials)
+  {
+    logs.push_back(runTrial(experiment, spec, learn(experiment->model, demonstrations)));
+    demonstrations.push_back(logs.back().demonstration);
+  }
+  return logs;
+}
+}  // namespace phri_sim
