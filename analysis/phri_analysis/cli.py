@@ -104,6 +104,11 @@ def simulate(experiment, participants, trials, controllers, seed, settings, jobs
     command = " ".join(["phri-analysis simulate", experiment, *options])
     notes = [("Command", command), ("Revision", runner.git_revision() or "not a git checkout")]
     _finish(kept, out or Path("results") / "studies" / Path(experiment).stem, "", notes)
+    simulated, wall = (sum(column) for column in zip(*kept.speed))
+    click.echo(
+        f"lockstep: {simulated:.0f} s simulated in {wall:.1f} s of one core, {simulated / wall:.0f} times real time "
+        "(person, device, scene, loop, predictions, plans and learning)"
+    )
 
 
 def _finish(kept, out, title, notes=()):

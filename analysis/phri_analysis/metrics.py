@@ -198,7 +198,15 @@ def limit_measures() -> dict:
     def share(bit):
         return lambda window: window.mean((window.limits >> bit) & 1)
 
-    return {
+    together = Measure(
+        "limited_assistance",
+        "Time at any limit of the assistance",
+        "share",
+        "Share of time in which some limit took something away from the assistance.",
+        "safety core",
+        _limited_assistance,
+    )
+    each = {
         f"limited_{name}": Measure(
             f"limited_{name}",
             f"Time at limit {name.replace('_', ' ')}",
@@ -209,6 +217,11 @@ def limit_measures() -> dict:
         )
         for bit, name in enumerate(trial_table.limit_names())
     }
+    return {**each, together.name: together}
+
+
+def _limited_assistance(window) -> float:
+    return window.mean((window.limits & trial_table.assistance_mask()) != 0)
 
 
 def all_measures(columns=()) -> dict:
@@ -246,12 +259,13 @@ def evaluate(trial: pd.DataFrame) -> list:
     """The measures of one trial: a dict per subtask, ready to be a row of the study table."""
     limits = limit_measures()
     used = int(np.bitwise_or.reduce(trial["limits"].to_numpy()))
-    unnamed = [bit for bit in range(len(limits), used.bit_length()) if used >> bit & 1]
+    named = len(trial_table.limit_names())
+    unnamed = [bit for bit in range(named, used.bit_length()) if used >> bit & 1]
     rows = []
     for subtask, window in windows(trial).items():
         row = {"subtask": subtask, **{name: entry.evaluate(window) for name, entry in MEASURES.items()}}
         row.update({name: entry.evaluate(window) for name, entry in limits.items()})
         row.update({f"limited_bit_{bit}": window.mean((window.limits >> bit) & 1) for bit in unnamed})
-        row["limited"] = bool(window.mean((window.limits & trial_table.assistance_mask()) != 0) > LIMITED_SHARE)
+        row["limited"] = bool(row["limited_assistance"] > LIMITED_SHARE)
         rows.append(row)
     return rows

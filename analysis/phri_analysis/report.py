@@ -106,7 +106,7 @@ def terminal_table(table, subtask: str = "whole") -> str:
 def _controller_rows(table, subtask):
     known = metrics.all_measures(table.columns)
     summary = study.per_controller(table, subtask)
-    marked = study.per_participant(table, subtask)["limited"].groupby(level="controller").any()
+    marked = {name: frame.loc["limited_assistance", "mean"] > metrics.LIMITED_SHARE for name, frame in summary.items()}
     header = [
         {
             "text": style.label(name) + (" limited" if marked[name] else ""),

@@ -14,6 +14,7 @@ import functools
 import importlib
 import multiprocessing
 import subprocess
+import time
 from concurrent import futures
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,8 +105,12 @@ def run(request: Request, index: int) -> Study:
     block = blocks[index]
     kept = Study()
     try:
-        for trial in phri_sim.run_block(experiment, block):
+        start = time.perf_counter()
+        trials = phri_sim.run_block(experiment, block)
+        wall = time.perf_counter() - start
+        for trial in trials:
             kept.add(trial)
+        kept.speed.append((sum(trial["t"].iloc[-1] for trial in trials), wall))
     except (ValueError, RuntimeError) as error:
         raise AnalysisError(
             f"participant {block.participant}, controller {block.controller}, seed {block.seed}: {_one_line(error)}"

@@ -146,6 +146,7 @@ class Study:
     settings: list = field(default_factory=list)
     sources: list = field(default_factory=list)
     skipped: list = field(default_factory=list)
+    speed: list = field(default_factory=list)  # (simulated [s], wall [s]) per block; never in the table
 
     def add(self, trial: pd.DataFrame, track: bool = True) -> None:
         """Measures the trial; keeps its track, and the whole of it when it is the example of its controller: the last
@@ -161,7 +162,7 @@ class Study:
 
     def merge(self, other: "Study") -> None:
         """Takes over everything of another study."""
-        for name in ("rows", "tracks", "settings", "sources", "skipped"):
+        for name in ("rows", "tracks", "settings", "sources", "skipped", "speed"):
             getattr(self, name).extend(getattr(other, name))
         for example in other.examples.values():
             self._offer(example)
