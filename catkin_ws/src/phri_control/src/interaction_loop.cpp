@@ -132,11 +132,13 @@ double InteractionLoop::authority(const phri_core::InputGuard::Verdict& input)
   return phri_core::smoothStep(authority_);
 }
 
-phri_core::Command InteractionLoop::tick(const phri_core::Measurement& measurement, std::int64_t now_ns) noexcept
+phri_core::Command InteractionLoop::tick(const phri_core::Measurement& measurement, std::int64_t now_ns,
+                                         double lateness) noexcept
 {
   const double t = now_ns * 1e-9;
   record_.limits = 0;
-  record_.lateness = last_ns_ < 0 ? 0.0 : std::max(0.0, (now_ns - last_ns_) * 1e-9 - settings_.dt);
+  const double since_last = last_ns_ < 0 ? 0.0 : (now_ns - last_ns_) * 1e-9 - settings_.dt;
+  record_.lateness = std::max({ 0.0, lateness, since_last });
   last_ns_ = now_ns;
 
   const auto input = guard_.check(measurement, now_ns);

@@ -221,6 +221,16 @@ TEST(InteractionLoop, LateCycleIsAFault)
   EXPECT_EQ(rig.tick(planar(1, 0)).state, LoopState::Passive) << "15 ms late";
   rig.k += 25;
   EXPECT_EQ(rig.tick(planar(1, 0)).fault, FaultCode::LateCycle);
+
+  Rig driven;  // simulated time runs on evenly; what drives it says how late it was
+  for (const double lateness : { 0.0, 0.015, 0.021 })
+  {
+    driven.tick(planar(1, 0));
+    driven.loop.tick(driven.m, driven.k * kTick, lateness);
+    ++driven.k;
+    EXPECT_EQ(driven.loop.record().state == LoopState::Fault, lateness > 0.020) << lateness;
+    EXPECT_EQ(driven.loop.record().lateness, lateness);
+  }
 }
 
 // Random wrenches, policies and faults, 20 seeds: nothing is ever not finite, limits hold, and the work on the object

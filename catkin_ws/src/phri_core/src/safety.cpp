@@ -54,7 +54,7 @@ ParameterTable parameterTable(SafetySettings& s)
               "beyond it a wrench sample is rejected, per axis")
       .number("guard/hold", &s.hold, "s", 0.0, 0.02, "time the last good wrench is held before it ramps to zero")
       .number("guard/fault_age", &s.fault_age, "s", 0.002, 0.1, "age of the last good wrench that leads to FAULT")
-      .number("guard/late_cycle", &s.late_cycle, "s", 0.002, 0.1, "lateness of a cycle that leads to FAULT")
+      .number("guard/late_cycle", &s.late_cycle, "s", 0.002, 1.0, "lateness of a cycle that leads to FAULT")
       .number("limits/wrench", &s.wrench_max, "N", 1.0, 1000.0, "clamp of the human force")
       .number("limits/assistance_force", &s.assistance_max, "N", 0.0, 60.0, "clamp of the assistance force")
       .number("limits/assistance_slew", &s.assistance_slew, "N/s", 1.0, 10000.0,

@@ -93,7 +93,7 @@ void RealtimeLoop::run() noexcept
       deadline += late;
     }
     deadline += period;
-    trial_.step();
+    trial_.step(late * 1e-9);
     if (!ring_.push(trial_.record()))
       lateness_.dropped.fetch_add(1, std::memory_order_relaxed);
     if (trial_.planDue())

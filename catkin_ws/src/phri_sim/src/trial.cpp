@@ -40,7 +40,7 @@ Trial::Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec
   loop_.start();
 }
 
-void Trial::step()
+void Trial::step(double lateness)
 {
   const double dt = experiment_->loop.dt, t = tick_ * dt;
   const std::int64_t now_ns = tick_ * std::llround(dt * 1e9);
@@ -51,7 +51,7 @@ void Trial::step()
   phri_core::Measurement measurement = device_.read(human, contact, now_ns);
   if (tamper)
     tamper(measurement, now_ns);
-  device_.write(loop_.tick(measurement, now_ns));
+  device_.write(loop_.tick(measurement, now_ns, lateness));
   ++tick_;
   completed_ = (device_.position() - experiment_->scene->goal).norm() < experiment_->scene->goal_radius &&
                device_.velocity().norm() < kSettledSpeed;

@@ -56,8 +56,10 @@ public:
   /// Throws std::invalid_argument naming what is out of range.
   explicit InteractionLoop(const LoopSettings& settings);
 
-  /// `now_ns`: monotonic (or simulated) time of this cycle, counted from the start of the trial.
-  phri_core::Command tick(const phri_core::Measurement& measurement, std::int64_t now_ns) noexcept;
+  /// `now_ns`: monotonic (or simulated) time of this cycle, counted from the start of the trial. `lateness` [s]: by how
+  /// much it missed its deadline, where `now_ns` does not show it (simulated time driven in real time).
+  phri_core::Command tick(const phri_core::Measurement& measurement, std::int64_t now_ns,
+                          double lateness = 0.0) noexcept;
 
   void adopt(FeedbackPolicy policy) { policies_.post(std::move(policy)); }
   void start() { requests_ |= kStart; }

@@ -30,8 +30,8 @@ class Trial
 public:
   Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec);
 
-  /// One tick of 1 ms.
-  void step();
+  /// One tick of 1 ms. `lateness` [s]: by how much a real-time driver missed the tick's deadline.
+  void step(double lateness = 0.0);
   /// After the step at t = 0, model.dt, 2 model.dt, ...: models may observe, and `plan` is expected.
   bool planDue() const { return (tick_ - 1) % replan_ticks_ == 0; }
   /// Lets the controller plan on `prediction`; a failed plan, or no prediction, keeps the old policy.
