@@ -79,7 +79,8 @@ ParameterTable& ParameterTable::number(const std::string& key, double* field, co
       [=](const ParameterValue& value, bool commit) -> std::string {
         const auto* given = std::get_if<double>(&value);
         if (!given)
-          return show(value) + ": expected a number [" + unit + "] from " + show(low) + " to " + show(high);
+          return show(value) + ": expected a number" + (unit.empty() ? "" : " [" + unit + "]") + " from " + show(low) +
+                 " to " + show(high);
         if (commit)
           *field = *given;
         return numberFault(*given, unit, low, high);
