@@ -23,6 +23,17 @@ from . import style, trial_table
 SUBTASKS = ("whole", "MO", "NC")
 CONTACT_FORCE = 0.1  # [N] below: no contact. Twice the noise SD of the force sensor, far below a felt touch
 CONTACT_GAP = 0.1  # [s] a shorter release does not end a contact: one bounce along a wall is one collision
+HEADLINE = (  # what fits the width of a page or a figure
+    "completion_time",
+    "human_force",
+    "human_power",
+    "disagreement",
+    "collision_force",
+    "collision_count",
+    "assistance_force",
+    "prediction_error",
+    "prediction_coverage_95",
+)
 LIMITED_SHARE = 0.05  # share of time at any limit of the assistance above which a trial is marked `limited`
 CHI2_95 = -2.0 * np.log(0.05)  # 95 % quantile of chi-squared with 2 degrees of freedom, 5.991
 

@@ -14,17 +14,6 @@ from .errors import OutputError
 
 TEMPLATES = Path(__file__).parent / "templates"
 SETTING = (("experiment", "Experiment"), ("scene", "Scene"), ("seed", "Seeds"), ("git_revision", "Software revision"))
-PARTICIPANT_COLUMNS = (
-    "completion_time",
-    "human_force",
-    "human_power",
-    "disagreement",
-    "collision_force",
-    "collision_count",
-    "assistance_force",
-    "prediction_error",
-    "prediction_coverage_95",
-)  # what fits the width of a page
 SUBTASK_TITLES = {"whole": "Whole task", "MO": "Subtask MO, moving obstacle", "NC": "Subtask NC, narrow channel"}
 LISTED = 6  # more values of one setting are summed up
 
@@ -137,7 +126,7 @@ def _participant_tables(table):
     limits = [name for name in means.columns if name.startswith("limited_")]
     tables = []
     for title, names, heading in (
-        ("Measures", [name for name in PARTICIPANT_COLUMNS if name in means.columns], lambda name: known[name].heading),
+        ("Measures", [name for name in metrics.HEADLINE if name in means.columns], lambda name: known[name].heading),
         ("Share of time at each limit [%]", limits, lambda name: name.removeprefix("limited_").replace("_", " ")),
     ):
         rows = [

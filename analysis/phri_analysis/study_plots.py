@@ -8,21 +8,9 @@ from matplotlib.ticker import MaxNLocator
 from . import metrics, style, study
 from .plots import figure, legend_below, styled
 
-SHOWN = (
-    "completion_time",
-    "human_force",
-    "human_power",
-    "disagreement",
-    "collision_force",
-    "collision_count",
-    "assistance_force",
-    "prediction_error",
-    "prediction_coverage_95",
-)
-
 
 @styled
-def measures_figure(table, names=SHOWN, subtask: str = "whole") -> Figure:
+def measures_figure(table, names=metrics.HEADLINE, subtask: str = "whole") -> Figure:
     """One panel per measure: mean over participants with its standard error, and every participant as a thin point,
     joined across controllers where they are few enough to follow."""
     known = metrics.all_measures(table.columns)

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "phri_core/admittance.hpp"
 #include "phri_sim/experiment.hpp"
 #include "phri_sim/human_partner.hpp"
 
@@ -125,6 +126,26 @@ TEST(HumanPartner, ForceNoiseGrowsWithForce)
   // the same coefficient of variation at four times the force; 300 samples give it to 4 %, five of those
   EXPECT_NEAR(deviation[0], deviation[1], 0.2 * deviation[1]);
   EXPECT_GT(deviation[0], 0.05);
+}
+
+// A person who holds still brings a displaced object back, whatever it weighs and however stiff the arm: delays of 80
+// and 200 ms against 1.5 to 100 kg, 80 to 900 N/m. Coupled to the exact admittance with the thesis' damping.
+TEST(HumanPartner, HoldsObjectsOfAnyWeightStill)
+{
+  const auto route = std::make_shared<const Route>(planRoute(*maze(), 0.012));
+  for (const double mass : { 1.5, 15.0, 40.0, 90.0, 100.0 })
+    for (const double stiffness : { 80.0, 220.0, 900.0 })
+    {
+      Participant person = quiet();
+      person.stiffness = stiffness;
+      HumanPartner human(maze(), route, person, 100, mass, 200, 1);
+      phri_core::Admittance object(Vector2d(mass, mass), Vector2d(200, 200), 0.001);
+      object.reset(maze()->start + Vector2d(0.02, 0.02), Vector2d(0, 0));
+      for (int k = 0; k < 20000; ++k)  // t = 0: the intention has not started yet
+        object.step(human.step(0.0, object.position(), object.velocity(), { 0, 0 }, {}));
+      EXPECT_LT((object.position() - maze()->start).norm(), 0.002) << mass << " kg, " << stiffness << " N/m";
+      EXPECT_LT(object.velocity().norm(), 0.001) << mass << " kg, " << stiffness << " N/m";
+    }
 }
 
 TEST(HumanPartner, NeverExceedsItsStrength)
