@@ -34,8 +34,9 @@ fail()
 out=$root/results/demo/$(date -u +%Y%m%dT%H%M%SZ)
 mkdir -p "$out"
 export ROS_LOG_DIR=$out/ros_log ROS_HOME=$out/ros_home
-rviz=false
-if displayWorks; then rviz=true; fi
+# without a display as fast as it can; to be watched, five times as fast as life
+rviz=false pace=0
+if displayWorks; then rviz=true pace=5; fi
 # a master of its own: a running roscore is left alone
 port=$(freePort)
 export ROS_MASTER_URI=http://localhost:$port
@@ -44,7 +45,8 @@ echo "demo: experiment maze_assistance_demo into $out (rviz: $rviz)"
 # roslaunch returns 0 whatever happens: the session runner leaves its exit status in a file
 launched=0
 timeout --foreground --signal=INT --kill-after=60 "${DEMO_LIMIT:-1800}" roslaunch --port="$port" phri_sim session.launch \
-  experiment:=maze_assistance_demo "bag_dir:=$out" record:=true "rviz:=$rviz" || launched=$?
+  experiment:=maze_assistance_demo "bag_dir:=$out" record:=true "rviz:=$rviz" "pace:=$pace" ||
+  launched=$?
 experiment_seconds=$SECONDS
 [ "$launched" -ne 124 ] || fail "the experiment was stopped after ${DEMO_LIMIT:-1800} s"
 [ "$launched" -eq 0 ] || fail "roslaunch ended with exit status $launched" "$launched"

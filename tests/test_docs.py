@@ -11,4 +11,4 @@ DOCS = pathlib.Path(__file__).resolve().parent.parent / "docs"
 def test_parameter_reference_is_current():
     phri_sim = pytest.importorskip("phri_sim")
     page = (DOCS / "parameters.md").read_text()
-    assert page.endswith(phri_sim.parameter_reference()), "docs/parameters.md is old: print it anew"
+    assert page.endswith(phri_sim.parameter_reference()), "docs/parameters.md is old: run scripts/write_parameters.py"

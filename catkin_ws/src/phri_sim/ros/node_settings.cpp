@@ -65,6 +65,7 @@ phri_core::ParameterTable table(NodeSettings& settings)
   t.text("experiment", &settings.experiment, {}, "file in config/experiments, or a path")
       .text("clock", &settings.clock, { "lockstep", "realtime" },
             "as fast as it can, or 1 kHz by the clock on the wall")
+      .number("pace", &settings.pace, "-", 0.0, 1000.0, "lockstep no faster than this times real time; 0: no bound")
       .text("human", &settings.human, { "simulated" }, "whose hand moves the object")
       .text("model_node", &settings.model_node, {}, "node that learns and answers observations; empty: none");
   return t;

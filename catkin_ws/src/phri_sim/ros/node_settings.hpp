@@ -13,6 +13,7 @@ struct NodeSettings
 {
   std::string experiment = "maze_assistance";  ///< name of a file in config/experiments, or a path
   std::string clock = "lockstep";              ///< "lockstep" (as fast as it can) or "realtime"
+  double pace = 0.0;                           ///< lockstep no faster than this multiple of real time; 0: no bound
   std::string human = "simulated";             ///< whose hand it is
   std::string model_node = "learner";          ///< node that learns and answers observations; empty: none
 

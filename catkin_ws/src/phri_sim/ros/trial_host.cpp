@@ -218,6 +218,8 @@ void TrialHost::lockstep(Run& run)
     tick(run, trial.record(), unsigned(trial.failedPlans()));
     if (!trial.planDue())
       continue;
+    if (setup_.settings.pace > 0.0)
+      std::this_thread::sleep_until(run.start + std::chrono::nanoseconds(std::llround(now_ns / setup_.settings.pace)));
     observe(run, trial.observation(), now_ns);
     if (!run.use_model)
       continue;
