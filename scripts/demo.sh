@@ -50,7 +50,7 @@ timeout --foreground --signal=INT --kill-after=60 "${DEMO_LIMIT:-1800}" roslaunc
 experiment_seconds=$SECONDS
 [ "$launched" -ne 124 ] || fail "the experiment was stopped after ${DEMO_LIMIT:-1800} s"
 [ "$launched" -eq 0 ] || fail "roslaunch ended with exit status $launched" "$launched"
-[ -s "$out/session.status" ] || fail "the session ended without leaving its status (no session.status)"
+[ -s "$out/session.status" ] || fail "session_runner died: it left no session.status"
 # "<exit status> <reason>"
 read -r status reason <"$out/session.status" || true
 case $status in

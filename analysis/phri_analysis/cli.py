@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from . import __version__
-from .errors import AnalysisError, DataError, UsageError
+from .errors import AnalysisError, UsageError
 
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
@@ -35,26 +35,18 @@ def cli():
 @click.option(
     "--skip-bad", is_flag=True, help="Leave unreadable bags out, and say so in the report, instead of stopping."
 )
-def report(bags, out, title, skip_bad):
+@click.option("--jobs", type=int, default=0, metavar="J", help="Bags read at once. [default: all cores]")
+def report(bags, out, title, skip_bad, jobs):
     """Reads recorded trials, prints their measures and writes a self-contained report."""
-    from tqdm import tqdm
+    from . import recorded
+    from .bags import find_bags
 
-    from . import bags as reader
-    from .study import Study
-
-    files = reader.find_bags(bags)
-    kept = Study()
-    for path in tqdm(files, unit="bag", desc="reading", disable=not sys.stderr.isatty()):
-        try:
-            kept.add(reader.read_trial(path))
-            kept.sources.append((path.name, reader.checksum(path)))
-        except DataError as error:
-            if not skip_bad:
-                raise
-            click.echo(f"left out: {error}", err=True)
-            kept.skipped.append((path.name, str(error)))
-    if not kept.rows:
-        raise DataError(f"none of the {len(files)} bags could be read")
+    if jobs < 0:
+        raise UsageError(f"jobs is {jobs}, expected 1 or more, or 0 for all cores")
+    files = find_bags(bags)
+    kept = recorded.read_study(files, jobs, skip_bad, progress=sys.stderr.isatty())
+    for _, error in kept.skipped:
+        click.echo(f"left out: {error}", err=True)
     _finish(kept, out or (bags[0] if bags[0].is_dir() else files[0].parent), title)
 
 

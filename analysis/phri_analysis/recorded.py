@@ -1,0 +1,54 @@
+"""Many bags into one study, several at once: reading a bag is the slow part of a report."""
+
+import multiprocessing
+import os
+from concurrent import futures
+from pathlib import Path
+
+from tqdm import tqdm
+
+from . import bags
+from .errors import AnalysisError, DataError
+from .study import Study
+
+
+def read_study(files: list, jobs: int = 0, skip_bad: bool = False, progress: bool = False) -> Study:
+    """The study of the trials in `files`, in their order whatever `jobs` (0: all cores). A bag that cannot be read ends
+    it, or with `skip_bad` is noted in `skipped`. Raises DataError."""
+    jobs = min(jobs or os.cpu_count() or 1, len(files))
+    kept = Study()
+    with tqdm(total=len(files), unit="bag", desc="reading", disable=not progress) as bar:
+        for part in _parts(files, jobs):
+            if part.skipped and not skip_bad:
+                raise DataError(part.skipped[0][1])
+            kept.merge(part)
+            bar.update()
+    if not kept.rows:
+        raise DataError(f"none of the {len(files)} bags could be read")
+    return kept
+
+
+def _parts(files, jobs):
+    if jobs <= 1:
+        yield from map(read_one, files)
+        return
+    # spawn: a forked child of a process that holds C++ threads may deadlock
+    context = multiprocessing.get_context("spawn")
+    with futures.ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        try:
+            yield from pool.map(read_one, files)
+        except futures.BrokenExecutor:
+            raise AnalysisError("a reading process died; was it short of memory? try --jobs 1") from None
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def read_one(path: Path) -> Study:
+    """The study of one bag; an unreadable one is in `skipped`. Runs in a worker."""
+    kept = Study()
+    try:
+        kept.add(bags.read_trial(path))
+        kept.sources.append((path.name, bags.checksum(path)))
+    except DataError as error:
+        kept.skipped.append((path.name, str(error)))
+    return kept
