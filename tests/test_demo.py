@@ -49,7 +49,8 @@ def test_success_names_the_report(demo):
     assert done.stdout.splitlines()[-1] == f"demo: report  {folder}/report.html"
     launch = next(line for line in done.stdout.splitlines() if line.startswith("roslaunch"))
     assert launch.partition("phri_sim ")[2].split() == [
-        "session.launch", "experiment:=maze_assistance_demo", f"bag_dir:={folder}", "record:=true", "rviz:=false", "pace:=0"]
+        "session.launch", "experiment:=maze_assistance_demo", f"bag_dir:={folder}", "record:=true", "rviz:=false",
+        "pace:=0"]
 
 
 def test_a_dead_display_is_no_display(demo):

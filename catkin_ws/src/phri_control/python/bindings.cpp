@@ -325,13 +325,6 @@ void bindAssistance(py::module_& m)
 
   m.def("make_assistance", &makeAssistance, py::arg("name"), py::arg("settings") = AssistanceSettings());
   m.def("assistance_names", &assistanceNames);
-  m.def(
-      "assistance_parameters",
-      [] {
-        AssistanceSettings defaults;
-        return parameterTable(defaults).markdown();
-      },
-      "Reference table of the assistance parameters, as Markdown.");
 }
 }  // namespace
 

@@ -164,6 +164,23 @@ TEST(InteractionLoop, FaultClearsOnlyWhenItsCauseHasGone)
   EXPECT_EQ(rig.loop.record().fault, FaultCode::None);
 }
 
+// At rest and untouched, only the time since the cause has gone stands between FAULT and IDLE.
+TEST(InteractionLoop, FaultClearsAfterOneSecondOfGoodSamples)
+{
+  Rig rig;
+  rig.tick(planar(0, 0));
+  for (int k = 0; k < 30; ++k)
+    rig.tick(planar(0, 0), false);
+  ASSERT_EQ(rig.loop.record().state, LoopState::Fault);
+  for (const auto& [milliseconds, state] : { std::pair(900, LoopState::Fault), std::pair(110, LoopState::Idle) })
+  {
+    for (int k = 0; k < milliseconds; ++k)
+      rig.tick(planar(0, 0));
+    rig.loop.clearFault();
+    EXPECT_EQ(rig.tick(planar(0, 0)).state, state);
+  }
+}
+
 // A policy is adopted, replaced by one of another source and left to expire: the force has no step larger than the slew
 // limit allows while growing, none at all of more than the fades' slope while switching, and ends at zero.
 TEST(InteractionLoop, SwitchingIsBumpless)

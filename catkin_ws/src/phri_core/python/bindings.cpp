@@ -132,11 +132,4 @@ PYBIND11_MODULE(phri_core, m)
       "Names of the loop's states, in the order of their numbers.");
   m.def(
       "fault_name", [](int code) { return faultName(static_cast<FaultCode>(code)); }, py::arg("code"));
-  m.def(
-      "safety_parameters",
-      [] {
-        SafetySettings settings;
-        return parameterTable(settings).markdown();
-      },
-      "Reference table of the safety profile's parameters, as Markdown.");
 }

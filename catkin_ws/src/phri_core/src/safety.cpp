@@ -79,18 +79,6 @@ ParameterTable parameterTable(SafetySettings& s)
   return table;
 }
 
-double clampFinite(double value, double low, double high, bool& finite) noexcept
-{
-  if (value >= low && value <= high)
-    return value;
-  if (std::isnan(value))
-  {
-    finite = false;
-    return low <= 0.0 && high >= 0.0 ? 0.0 : low;
-  }
-  return value < low ? low : high;
-}
-
 InputGuard::InputGuard(const SafetySettings& settings, Eigen::Index dof)
   : settings_(settings), last_good_(VectorDof::Zero(dof))
 {
@@ -236,6 +224,11 @@ void MotionLimiter::reset() noexcept
 void MotionLimiter::apply(const VectorDof& x_before, const VectorDof& v_before, VectorDof& x, VectorDof& v,
                           std::uint32_t& limits) noexcept
 {
+  if (!v.allFinite() || !x.allFinite())
+  {
+    v = VectorDof::Zero(v_before.size());
+    x = x_before;
+  }
   bool changed = false;
   const double speed_before = v_before.norm();
   const VectorDof a = (v - v_before) / dt_;

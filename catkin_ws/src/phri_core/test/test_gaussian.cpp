@@ -16,14 +16,6 @@ TEST(Gaussian, InverseSquareRoot)
   EXPECT_NEAR(floored(1, 1), 1e4, 1e-6);
 }
 
-TEST(Gaussian, MahalanobisDistance)
-{
-  const Gaussian g{ Eigen::Vector2d(1, 2), Eigen::Vector2d(4, 9).asDiagonal() };
-  EXPECT_NEAR(mahalanobisSquared(g, Eigen::Vector2d(3, 5)), 2.0, 1e-12);
-  const Gaussian bad{ Eigen::Vector2d(1, 2), Eigen::Matrix2d::Zero() };
-  EXPECT_THROW(mahalanobisSquared(bad, Eigen::Vector2d(3, 5)), std::invalid_argument);
-}
-
 TEST(Check, MessagesNameCauseValueAndRange)
 {
   try

@@ -53,14 +53,18 @@ TEST(StateMachine, EveryStateAndEventKeepsTheRules)
     }
 }
 
-TEST(ClampFinite, LetsNoNanThrough)
+// std::clamp and std::min/max let NaN through; no limiter may.
+TEST(MotionLimiter, LetsNoNanThrough)
 {
-  bool finite = true;
-  EXPECT_EQ(clampFinite(5.0, -1.0, 1.0, finite), 1.0);
-  EXPECT_EQ(clampFinite(-INFINITY, -1.0, 1.0, finite), -1.0);
-  EXPECT_TRUE(finite);
-  EXPECT_EQ(clampFinite(NAN, -1.0, 1.0, finite), 0.0);
-  EXPECT_FALSE(finite);
+  MotionLimiter limiter(SafetySettings(), 2, kDt);
+  for (const double bad : { std::nan(""), HUGE_VAL, -HUGE_VAL })
+  {
+    VectorDof x = planar(0.1, bad), v = planar(bad, 0.1);
+    std::uint32_t limits = 0;
+    limiter.apply(planar(0.1, 0), planar(0.2, 0), x, v, limits);
+    EXPECT_EQ(x, planar(0.1, 0));
+    EXPECT_EQ(v, planar(0, 0));
+  }
 }
 
 // NaN for 2 ms is bridged by the held wrench; for 100 ms it ramps to zero and FAULTs at 20 ms.

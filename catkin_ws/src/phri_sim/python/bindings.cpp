@@ -246,5 +246,4 @@ PYBIND11_MODULE(phri_sim, m)
       },
       py::arg("table"), py::arg("every") = 20, "Samples [x; xdot; u_h] (T, 6) of a trial table, every 20 ms.");
   m.def("parameter_reference", &parameterReference, "Every parameter of every configuration file, as Markdown.");
-  m.def("share_folder", &shareFolder);
 }

@@ -10,10 +10,6 @@ struct Gaussian
   Eigen::MatrixXd covariance;
 };
 
-/// Squared Mahalanobis distance (x - mean)' covariance^-1 (x - mean) [-].
-/// Throws std::invalid_argument if the covariance is not positive definite.
-double mahalanobisSquared(const Gaussian& gaussian, const Eigen::VectorXd& x);
-
 /// Symmetric inverse square root of (covariance + floor I), both (d, d); used for the weights of (5.29). `floor` has
 /// the unit of the covariance. The text's I + Sigma is dimensionally wrong: the floor is small and explicit.
 Eigen::MatrixXd inverseSquareRoot(const Eigen::MatrixXd& covariance, double floor);

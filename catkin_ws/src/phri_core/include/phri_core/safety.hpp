@@ -116,10 +116,6 @@ struct SafetySettings
 };
 ParameterTable parameterTable(SafetySettings& settings);
 
-/// `value` within [low, high]; a NaN becomes `low <= 0 <= high ? 0 : low` and clears `finite` (std::clamp lets NaN
-/// pass).
-double clampFinite(double value, double low, double high, bool& finite) noexcept;
-
 /// C1 ramp: 0 for x <= 0, 1 for x >= 1.
 constexpr double smoothStep(double x)
 {
@@ -185,8 +181,8 @@ class MotionLimiter
 {
 public:
   MotionLimiter(const SafetySettings& settings, Eigen::Index dof, double dt);
-  /// Replaces (x, v), reached from (x_before, v_before) in one tick, by a state within the limits; sets bits in
-  /// `limits`.
+  /// Replaces (x, v), reached from (x_before, v_before) in one tick, by a state within the limits; what is not finite
+  /// by rest at x_before. Sets bits in `limits`.
   void apply(const VectorDof& x_before, const VectorDof& v_before, VectorDof& x, VectorDof& v,
              std::uint32_t& limits) noexcept;
   void reset() noexcept;

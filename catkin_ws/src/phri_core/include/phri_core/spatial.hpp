@@ -1,6 +1,8 @@
 #pragma once
 #include <Eigen/Core>
 
+/// Wrenches are exerted BY the named agent (human, environment, robot) ON the object, expressed in and taken about the
+/// origin of a named frame.
 namespace phri_core
 {
 /// Largest number of Cartesian degrees of freedom of a rendered object: a rigid body.
@@ -12,12 +14,4 @@ using VectorDof = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxDof, 1>;
 
 /// Motion state xi = [x; xdot] (2 dof), [m, rad; m/s, rad/s]. Lives on the stack.
 using VectorState = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxDof, 1>;
-
-/// Force [N] and torque [Nm] exerted BY a named agent (human, environment, robot) ON the object, expressed in and taken
-/// about the origin of a named frame.
-struct Wrench
-{
-  Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [N]
-  Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< [Nm]
-};
 }  // namespace phri_core
