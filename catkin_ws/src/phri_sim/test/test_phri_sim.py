@@ -4,6 +4,7 @@
 import copy
 
 import numpy as np
+import phri_learning
 import phri_sim
 import pytest
 
@@ -60,6 +61,26 @@ def test_demonstrations_are_every_twentieth_row(table):
     demonstration = phri_sim.demonstration(table)
     assert demonstration.shape == (int(np.ceil(len(table) / 20)), 6)
     assert (demonstration[1] == table[["x", "y", "vx", "vy", "human_x", "human_y"]].iloc[20]).all()
+
+
+def test_shrinkage_keeps_two_demonstrations_from_being_learned_by_heart(experiment, record_property):
+    """Predicting people's third trial from two, 0.2 s ahead: 40 states with plain Baum-Welch learn which demonstration
+    they saw. The numbers go to the JUnit file, from where docs/decisions.md has them."""
+    errors = {}
+    for shrinkage in (0.0, 1.0):
+        distances, inside = [], []
+        for person in range(8):
+            spec = [b for b in phri_sim.schedule(experiment, person + 1, 3, 7) if b.participant == person][0]
+            *taught, unseen = [phri_sim.demonstration(t) for t in phri_sim.run_block(experiment, spec)]
+            model = phri_learning.TimeHmm(40, dt=0.02, shrinkage=shrinkage).fit(taught)
+            for k in range(30, len(unseen) - 10, 5):
+                mean, covariance = model.predict(unseen[k - 30:k + 1], 0.2, reference="path", time="entry_corrected")
+                off = unseen[k + 10, :2] - mean[:2]
+                distances.append(np.hypot(*off))
+                inside.append(off @ np.linalg.solve(covariance[:2, :2], off) < 5.991)
+        errors[shrinkage] = np.mean(distances)
+        record_property(f"shrinkage_{shrinkage:g}", f"{1e3 * np.mean(distances):.1f} mm, {np.mean(inside):.1%} inside")
+    assert errors[1.0] < errors[0.0]
 
 
 def test_overrides_and_errors():

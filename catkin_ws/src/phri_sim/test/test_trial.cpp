@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -227,6 +228,20 @@ TEST(Trial, MissingPredictionsEndInPassive)
   }
   EXPECT_TRUE(was_active);
   EXPECT_EQ(trial.record().state, LoopState::Passive);
+}
+
+// With a gate that nothing passes the robot predicts and never acts.
+TEST(Trial, PredictionsBeyondTheGateAreIgnored)
+{
+  const auto shut = std::make_shared<const Experiment>(loadExperiment("maze_assistance", { { "model/gate", 1e-9 } }));
+  const auto logs = runBlock(shut, block("lqr", 0, 2)), open = runBlock(maze(), block("lqr", 0, 2));
+  const auto acted = [](const TrialLog& log) {
+    return std::count_if(log.ticks.begin(), log.ticks.end(),
+                         [](const TickRecord& r) { return r.requested_wrench.norm() > 0.0; });
+  };
+  EXPECT_GT(logs.back().predictions.size(), 100u);
+  EXPECT_EQ(acted(logs.back()), 0);
+  EXPECT_GT(acted(open.back()), 1000);
 }
 
 TEST(LoadExperiment, ListsTheErrorsOfAllFilesAtOnce)
