@@ -16,6 +16,25 @@ std::shared_ptr<const Route> routeOf(const Experiment& experiment, const Partici
   return std::make_shared<const Route>(planRoute(*experiment.scene, person.clearance));
 }
 
+class SimulatedHand : public Hand
+{
+public:
+  SimulatedHand(const Experiment& experiment, const Participant& person, const TrialSpec& spec)
+    : human_(experiment.scene, routeOf(experiment, person), person, spec.practice, experiment.loop.mass(0),
+             experiment.loop.damping(0), spec.seed)
+  {
+  }
+  HandForce act(const HandleState& handle) noexcept override
+  {
+    HandForce out;
+    out.force = human_.step(handle.t, handle.position, handle.velocity, handle.robot_force, *handle.obstacles);
+    return out;
+  }
+
+private:
+  HumanPartner human_;
+};
+
 PredictedPosition atHorizon(const phri_core::Prediction& prediction, std::int64_t now_ns)
 {
   const phri_core::Gaussian& last = prediction.desired_state.back();
@@ -24,18 +43,19 @@ PredictedPosition atHorizon(const phri_core::Prediction& prediction, std::int64_
 }
 }  // namespace
 
-Trial::Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec)
+Trial::Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec, std::unique_ptr<Hand> hand)
   : experiment_(std::move(experiment)),
     spec_(spec),
     person_(experiment_->population.person(spec.study_seed, spec.participant)),
     obstacles_(obstaclesOfTrial(*experiment_->scene, spec.seed)),
     device_(experiment_->sensors, experiment_->scene->start, spec.seed),
-    human_(experiment_->scene, routeOf(*experiment_, person_), person_, spec.practice, experiment_->loop.mass(0),
-           experiment_->loop.damping(0), spec.seed),
+    hand_(std::move(hand)),
     loop_(experiment_->loop),
     controller_(phri_control::makeAssistance(spec.controller, experiment_->assistance)),
     replan_ticks_(experiment_->replanTicks())
 {
+  if (!hand_)
+    hand_ = std::make_unique<SimulatedHand>(*experiment_, person_, spec);
   loop_.place(experiment_->scene->start);
   loop_.start();
 }
@@ -45,10 +65,17 @@ void Trial::step(double lateness)
   const double dt = experiment_->loop.dt, t = tick_ * dt;
   const std::int64_t now_ns = tick_ * std::llround(dt * 1e9);
   const Eigen::Vector2d x = device_.position(), v = device_.velocity();
-  const phri_core::VectorDof& assistance = loop_.record().assistance_wrench;
-  const Eigen::Vector2d human = human_.step(t, x, v, assistance, obstacles_);
+  const HandForce hand = hand_->act({ t, x, v, loop_.record().assistance_wrench, &obstacles_ });
   const Eigen::Vector2d contact = contactForce(*experiment_->scene, obstacles_, x, v, t);
-  phri_core::Measurement measurement = device_.read(human, contact, now_ns);
+  phri_core::Measurement measurement = device_.read(hand.force, contact, now_ns);
+  if (hand.sensed)
+  {
+    measurement.human_wrench = hand.force;
+    measurement.receive_ns = now_ns - hand.age_ns;
+    measurement.stamp_ns = now_ns - hand.stamp_age_ns;
+    measurement.sequence = hand.sequence;
+    measurement.frame = hand.frame;
+  }
   if (tamper)
     tamper(measurement, now_ns);
   device_.write(loop_.tick(measurement, now_ns, lateness));

@@ -7,6 +7,7 @@
 #include "phri_control/assistance.hpp"
 #include "phri_control/interaction_loop.hpp"
 #include "phri_sim/experiment.hpp"
+#include "phri_sim/hand.hpp"
 #include "phri_sim/haptic_device.hpp"
 #include "phri_sim/human_partner.hpp"
 
@@ -28,7 +29,8 @@ struct PredictedPosition
 class Trial
 {
 public:
-  Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec);
+  /// `hand`: whose force moves the handle; without one, the simulated participant's.
+  Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec, std::unique_ptr<Hand> hand = nullptr);
 
   /// One tick of 1 ms. `lateness` [s]: by how much a real-time driver missed the tick's deadline.
   void step(double lateness = 0.0);
@@ -58,7 +60,7 @@ private:
   Participant person_;
   std::vector<MovingObstacle> obstacles_;
   HapticDevice device_;
-  HumanPartner human_;
+  std::unique_ptr<Hand> hand_;
   phri_control::InteractionLoop loop_;
   std::unique_ptr<phri_control::AssistanceController> controller_;
   std::int64_t tick_ = 0;
