@@ -29,9 +29,11 @@ VectorState stack(const VectorDof& x, const VectorDof& v)
 InteractionLoop::InteractionLoop(const LoopSettings& settings)
   : settings_(settings),
     admittance_(settings.mass, settings.damping, settings.dt),
+    ramp_(settings.mass, settings.damping),
     guard_(settings.safety, settings.mass.size()),
     assistance_limiter_(settings.safety, settings.mass.size(), settings.dt),
     motion_limiter_(settings.safety, settings.mass.size(), settings.dt),
+    bias_check_(settings.safety),
     state_(phri_core::transition(LoopState::Init, LoopEvent::Configured))
 {
   phri_core::requireRange("number of degrees of freedom", settings.mass.size(), 1, phri_core::kMaxDof, "");
@@ -47,6 +49,13 @@ void InteractionLoop::place(const VectorDof& position)
   phri_core::requireShape("start position", position, settings_.mass.size(), 1);
   phri_core::requireFinite("start position", position);
   admittance_.reset(position, VectorDof::Zero(position.size()));
+}
+
+void InteractionLoop::render(const VectorDof& mass, const VectorDof& damping)
+{
+  phri_core::requireShape("rendered mass", mass, settings_.mass.size(), 1);
+  const phri_core::Admittance checked(mass, damping, settings_.dt);  // throws
+  renderings_.post({ mass, damping });
 }
 
 phri_core::Observation InteractionLoop::observation() const
@@ -81,7 +90,7 @@ void InteractionLoop::takeRequests(const phri_core::InputGuard::Verdict& input, 
     handle(LoopEvent::Clear);
     fault_ = FaultCode::None;
   }
-  if (requests & kStart)
+  if ((requests & kStart) && !(state_ == LoopState::Idle && bias_check_.biased()))
     handle(LoopEvent::Start);
 }
 
@@ -90,8 +99,9 @@ VectorDof InteractionLoop::requestedAssistance(const VectorState& xi, double t)
   VectorDof u = VectorDof::Zero(output_.size());
   if (const FeedbackPolicy* newer = policies_.take())
   {
-    const bool switched = !policy_ || newer->source() != record_.source;
+    const bool switched = !policy_ || newer->source() != record_.source || newer->generation() != generation_;
     policy_ = newer;
+    generation_ = newer->generation();
     policy_->act(t, xi, u);
     if (switched)
     {
@@ -144,9 +154,16 @@ phri_core::Command InteractionLoop::tick(const phri_core::Measurement& measureme
   const auto input = guard_.check(measurement, now_ns);
   if (input.clamped)
     record_.limits |= phri_core::kLimitWrench;
+  if (const Rendering* newer = renderings_.take())
+    ramp_.toward(newer->mass, newer->damping);
+  if (ramp_.step(settings_.dt))
+    admittance_.set(ramp_.mass(), ramp_.damping());
+  if (state_ == LoopState::Idle && bias_check_.update(input.wrench.norm(), settings_.dt))
+    record_.limits |= phri_core::kLimitBias;
   takeRequests(input, t);
   if (state_ != LoopState::Idle)
   {
+    bias_check_.reset();
     if (record_.lateness > settings_.safety.late_cycle)
       fail(FaultCode::LateCycle);
     if (input.fault != FaultCode::None)
@@ -162,8 +179,8 @@ phri_core::Command InteractionLoop::tick(const phri_core::Measurement& measureme
   record_.requested_wrench *= weight;
   if (weight == 0.0)
     record_.requested_wrench.setZero();
-  record_.assistance_wrench =
-      assistance_limiter_.apply(record_.requested_wrench, admittance_.velocity(), settings_.damping, record_.limits);
+  record_.assistance_wrench = assistance_limiter_.apply(record_.requested_wrench, admittance_.velocity(),
+                                                        admittance_.damping(), record_.limits);
 
   fault_ramp_ = std::max(0.0, fault_ramp_ - settings_.dt / settings_.safety.fade);
   record_.human_wrench = input.wrench;
@@ -191,7 +208,7 @@ phri_core::Command InteractionLoop::tick(const phri_core::Measurement& measureme
     admittance_.reset(x, v);
     energy_in_ += u.dot(x - x_before);
   }
-  const double kinetic = 0.5 * (settings_.mass.array() * admittance_.velocity().array().square()).sum();
+  const double kinetic = 0.5 * (admittance_.mass().array() * admittance_.velocity().array().square()).sum();
   record_.passivity = energy_in_ - kinetic;
   record_.time_ns = now_ns;
   record_.sequence = measurement.sequence;

@@ -41,8 +41,8 @@ const char* stateName(LoopState state)
 
 const std::vector<std::string>& limitNames()
 {
-  static const std::vector<std::string> names = { "wrench",  "force",     "slew",     "power",       "tank",
-                                                  "release", "workspace", "velocity", "acceleration" };
+  static const std::vector<std::string> names = { "wrench",  "force",     "slew",     "power",        "tank",
+                                                  "release", "workspace", "velocity", "acceleration", "bias" };
   return names;
 }
 
@@ -64,6 +64,9 @@ ParameterTable parameterTable(SafetySettings& s)
       .number("tank/initial", &s.tank_initial, "J", 0.0, 1.5, "energy in the tank at the start")
       .number("tank/ramp", &s.tank_ramp, "-", 0.01, 1.0,
               "fraction of the capacity below which assistance is scaled down")
+      .number("bias/force", &s.bias_force, "N", 0.1, 50.0,
+              "a sensor that reads more at rest, in IDLE, is biased or held")
+      .number("bias/time", &s.bias_time, "s", 0.05, 5.0, "for how long it must read that; then no start")
       .number("release/force", &s.release_force, "N", 0.0, 10.0, "human force below which the hand counts as let go")
       .number("release/time", &s.release_time, "s", 0.02, 5.0, "for how long it must be below")
       .flag("autonomous_completion", &s.autonomous_completion, "the robot may go on when the hand has let go")

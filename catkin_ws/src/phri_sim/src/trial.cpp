@@ -51,7 +51,7 @@ Trial::Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec
     device_(experiment_->sensors, experiment_->scene->start, spec.seed),
     hand_(std::move(hand)),
     loop_(experiment_->loop),
-    controller_(phri_control::makeAssistance(spec.controller, experiment_->assistance)),
+    planner_(spec.controller, experiment_->assistance, experiment_->model.gate),
     replan_ticks_(experiment_->replanTicks())
 {
   if (!hand_)
@@ -85,15 +85,10 @@ void Trial::step(double lateness)
   timed_out_ = !completed_ && tick_ * dt >= experiment_->timeout;
 }
 
-void Trial::plan(const std::optional<phri_core::Prediction>& prediction)
+void Trial::plan(const phri_core::Observation& observation, const std::optional<phri_core::Prediction>& prediction)
 {
-  if (!prediction || !phri_control::withinGate(observation(), *prediction, experiment_->model.gate))
-    return;
-  std::optional<phri_control::FeedbackPolicy> policy = controller_->plan(observation(), *prediction);
-  if (policy)
+  if (std::optional<phri_control::FeedbackPolicy> policy = planner_.plan(observation, prediction))
     loop_.adopt(std::move(*policy));
-  else
-    ++failed_plans_;
 }
 
 std::shared_ptr<phri_core::BehaviorModel> learn(const ModelSettings& settings,

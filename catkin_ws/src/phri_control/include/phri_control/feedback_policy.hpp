@@ -56,10 +56,13 @@ public:
   double horizonEnd() const noexcept { return t0_ + dt_ * static_cast<double>(stages_.size()); }
   const std::vector<Stage>& stages() const noexcept { return stages_; }
   int source() const noexcept { return source_; }
+  /// Tells policies of one source under different settings apart: a change of it is cross-faded like one of the source.
+  int generation() const noexcept { return generation_; }
+  void setGeneration(int generation) noexcept { generation_ = generation; }
 
 private:
   double t0_ = 0.0, dt_ = 1e-3;
   std::vector<Stage> stages_;
-  int source_ = 0;
+  int source_ = 0, generation_ = 0;
 };
 }  // namespace phri_control

@@ -48,8 +48,8 @@ struct TickRecord
 ///
 /// `tick` is noexcept, allocates nothing, takes no lock. `adopt` and the requests may be called from one other thread;
 /// they act at the next tick. A policy lives to its horizon's end and then fades to passive; a newer one of the same
-/// source takes over within `replan_blend`, one of another source within `safety.fade`; the force has no step in either
-/// case.
+/// source and generation takes over within `replan_blend`, another one within `safety.fade`; the force has no step in
+/// either case. `render` changes the admittance by a ramp that keeps the loop passive.
 class InteractionLoop
 {
 public:
@@ -62,10 +62,15 @@ public:
                           double lateness = 0.0) noexcept;
 
   void adopt(FeedbackPolicy policy) { policies_.post(std::move(policy)); }
+  /// Starts from IDLE, unless the sensor is biased or held (kLimitBias): then it is ignored.
   void start() { requests_ |= kStart; }
   void stop() { requests_ |= kStop; }
   /// Acts once the cause has been gone for 1 s, |v| < 1 mm/s and |u_h| < 3 N; until then it is ignored.
   void clearFault() { requests_ |= kClear; }
+
+  /// Another rendered mass [kg] and damping [Ns/m], from now on, within AdmittanceRamp::kTime or somewhat more. Throws
+  /// std::invalid_argument naming what is out of the range of phri_core::Admittance.
+  void render(const phri_core::VectorDof& mass, const phri_core::VectorDof& damping);
 
   /// Places the object at rest; before the first tick only.
   void place(const phri_core::VectorDof& position);
@@ -84,17 +89,26 @@ private:
   phri_core::VectorDof requestedAssistance(const phri_core::VectorState& xi, double t);
   double authority(const phri_core::InputGuard::Verdict& input);
 
+  struct Rendering
+  {
+    phri_core::VectorDof mass, damping;
+  };
+
   LoopSettings settings_;
   phri_core::Admittance admittance_;
+  phri_core::AdmittanceRamp ramp_;
   phri_core::InputGuard guard_;
   phri_core::AssistanceLimiter assistance_limiter_;
   phri_core::MotionLimiter motion_limiter_;
+  phri_core::BiasCheck bias_check_;
   phri_core::Mailbox<FeedbackPolicy> policies_;
+  phri_core::Mailbox<Rendering> renderings_;
   std::atomic<unsigned> requests_{ 0 };
 
   phri_core::LoopState state_;
   phri_core::FaultCode fault_ = phri_core::FaultCode::None;
   const FeedbackPolicy* policy_ = nullptr;
+  int generation_ = 0;                     // of the policy in force
   phri_core::VectorDof planned_, offset_;  // output of the plan in force; step to the one before, being blended out
   phri_core::VectorDof output_, frozen_;   // after cross-fading; value that the present source started from
   double replan_start_ = 0.0, switch_start_ = 0.0;

@@ -22,6 +22,9 @@ public:
   void reset(const VectorDof& position, const VectorDof& velocity) noexcept;
   /// Multiplies the damping from now on; 1 is the nominal admittance.
   void scaleDamping(double factor) noexcept;
+  /// Another nominal admittance from now on, keeping the state; the caller answers for the ranges of the constructor.
+  /// Trap: a step of the mass at a velocity v changes the kinetic energy by v'(dM)v / 2; ramp it (see AdmittanceRamp).
+  void set(const VectorDof& mass, const VectorDof& damping) noexcept;
 
   const VectorDof& position() const { return x_; }
   const VectorDof& velocity() const { return v_; }
@@ -30,9 +33,30 @@ public:
   double dt() const { return dt_; }
 
 private:
+  void integrate() noexcept;
   VectorDof mass_, damping_;
   double dt_, scale_ = 1.0;
   VectorDof x_, v_;
   VectorDof decay_, velocity_gain_, position_decay_, position_gain_;
+};
+
+/// Moves from one nominal admittance to another without a bump: mass and damping change linearly, within `kTime` or as
+/// much longer as keeps |dM/dt| <= D, half of what passivity with a varying mass allows: v'(dM/dt)v / 2 <= v'Dv.
+class AdmittanceRamp
+{
+public:
+  static constexpr double kTime = 0.5;  ///< [s]
+
+  AdmittanceRamp(const VectorDof& mass, const VectorDof& damping);
+  /// A new target, reached from where the ramp is now.
+  void toward(const VectorDof& mass, const VectorDof& damping) noexcept;
+  /// Advances by dt [s]; true while something changed.
+  bool step(double dt) noexcept;
+  const VectorDof& mass() const { return mass_; }
+  const VectorDof& damping() const { return damping_; }
+
+private:
+  VectorDof mass_, damping_, mass_target_, damping_target_;
+  double left_ = 0.0;  // [s]
 };
 }  // namespace phri_core

@@ -82,6 +82,7 @@ enum Limit : std::uint32_t
   kLimitWorkspace = 1u << 6,     ///< velocity funnel at the edge of the workspace
   kLimitVelocity = 1u << 7,      ///< |v| clamped
   kLimitAcceleration = 1u << 8,  ///< |a| or its growth clamped while speeding up
+  kLimitBias = 1u << 9,          ///< in IDLE: the sensor reads a force while nothing moves; no start until it does not
 };
 /// Names of the bits above, bit i = name i.
 const std::vector<std::string>& limitNames();
@@ -103,6 +104,8 @@ struct SafetySettings
   double tank_max = 1.5;               ///< [J]
   double tank_initial = 0.3;           ///< [J]
   double tank_ramp = 0.2;              ///< [-] fraction of tank_max below which u_r is scaled down
+  double bias_force = 3.0;             ///< [N] a sensor that reads more while IDLE ...
+  double bias_time = 0.5;              ///< [s] ... for so long is biased, or held: no start
   double release_force = 0.3;          ///< [N] |u_h| below it ...
   double release_time = 0.2;           ///< [s] ... for so long: the hand has let go
   bool autonomous_completion = false;  ///< the robot may go on without the hand
@@ -154,6 +157,25 @@ private:
   bool seen_ = false, wrong_frame_ = false;
   int saturated_samples_ = 0;
   Counters counters_;
+};
+
+/// Says whether a force/torque sensor reads a force while nothing moves: it wants to be tared, or the handle to be let
+/// go, before anything starts (fault matrix, row 6).
+class BiasCheck
+{
+public:
+  explicit BiasCheck(const SafetySettings& settings) : force_(settings.bias_force), time_(settings.bias_time) {}
+  /// A reading of norm `force` [N], `dt` [s] after the one before, while at rest. True while biased.
+  bool update(double force, double dt) noexcept
+  {
+    above_ = force > force_ ? above_ + dt : 0.0;
+    return biased();
+  }
+  void reset() noexcept { above_ = 0.0; }
+  bool biased() const noexcept { return above_ >= time_; }
+
+private:
+  double force_, time_, above_ = 0.0;
 };
 
 /// Force, one-sided slew, power and energy limits on the assistance u_r, in this order. The tank obeys

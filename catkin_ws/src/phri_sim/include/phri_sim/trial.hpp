@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "phri_control/assistance.hpp"
+#include "phri_control/assistance_planner.hpp"
 #include "phri_control/interaction_loop.hpp"
 #include "phri_sim/experiment.hpp"
 #include "phri_sim/hand.hpp"
@@ -36,20 +36,24 @@ public:
   void step(double lateness = 0.0);
   /// After the step at t = 0, model.dt, 2 model.dt, ...: models may observe, and `plan` is expected.
   bool planDue() const { return (tick_ - 1) % replan_ticks_ == 0; }
-  /// Lets the controller plan on `prediction`; a failed plan, or no prediction, keeps the old policy.
-  void plan(const std::optional<phri_core::Prediction>& prediction);
+  /// Lets the controller plan on `prediction`, from `observation` on; a failed plan, or no prediction, keeps the old
+  /// policy. May be called from another thread than `step`; observation() may not.
+  void plan(const phri_core::Observation& observation, const std::optional<phri_core::Prediction>& prediction);
+  void plan(const std::optional<phri_core::Prediction>& prediction) { plan(observation(), prediction); }
   bool finished() const { return completed_ || timed_out_; }
   bool completed() const { return completed_; }
 
   phri_core::Observation observation() const { return loop_.observation(); }
   const phri_control::TickRecord& record() const { return loop_.record(); }
   phri_control::InteractionLoop& loop() { return loop_; }
+  /// Where another controller or other settings are asked for, from any thread.
+  phri_control::AssistancePlanner& planner() { return planner_; }
   const TrialSpec& spec() const { return spec_; }
   const Experiment& experiment() const { return *experiment_; }
   const std::vector<MovingObstacle>& obstacles() const { return obstacles_; }
   const Participant& participant() const { return person_; }
   double time() const { return tick_ * experiment_->loop.dt; }
-  int failedPlans() const { return failed_plans_; }
+  int failedPlans() const { return planner_.failures(); }
 
   /// Replaces the reading of the device before the loop sees it; for fault injection.
   std::function<void(phri_core::Measurement&, std::int64_t now_ns)> tamper;
@@ -62,9 +66,9 @@ private:
   HapticDevice device_;
   std::unique_ptr<Hand> hand_;
   phri_control::InteractionLoop loop_;
-  std::unique_ptr<phri_control::AssistanceController> controller_;
+  phri_control::AssistancePlanner planner_;
   std::int64_t tick_ = 0;
-  int replan_ticks_, failed_plans_ = 0;
+  int replan_ticks_;
   bool completed_ = false, timed_out_ = false;
 };
 
