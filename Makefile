@@ -6,7 +6,7 @@ SHELL := /bin/bash
 # release, debug or asan: what build makes and test runs
 PROFILE ?= release
 export PHRI_PROFILE := $(PROFILE)
-.PHONY: demo test check tidy build setup clean help
+.PHONY: demo test check study bench realtime docs tidy build setup clean help
 
 demo: build     ## set up, build, run the maze experiment (rviz when there is a display), record it, print table and report
 	@scripts/demo.sh
@@ -16,6 +16,18 @@ test: build     ## set up, build, run gtest, rostest and pytest; last line: N pa
 
 check: build    ## format, lint, launch files, layer rules; non-zero on any finding
 	@. scripts/env.sh && scripts/check.sh
+
+study: build    ## an evaluation into results/studies (STUDY=maze_assistance, calibration or validation)
+	@. scripts/env.sh && phri-analysis study $(or $(STUDY),maze_assistance)
+
+bench: build    ## speed beside crocoddyl, hmmlearn, pybullet and mujoco in the same run (PEERS=no: without them)
+	@. scripts/env.sh && scripts/bench.sh
+
+realtime: build ## a minute at 1 kHz with recording: how late the ticks came
+	@scripts/realtime.sh
+
+docs: build     ## this documentation as a site that needs no network, in results/docs/html
+	@. scripts/env.sh && scripts/docs.sh
 
 tidy: build     ## clang-tidy on the C++ sources of libraries and nodes (minutes)
 	@scripts/tidy.sh
@@ -30,7 +42,7 @@ clean:          ## delete what the builds left; results/ stays
 	rm -rf catkin_ws/{build,devel,logs}{,_debug,_asan} catkin_ws/.catkin_tools/profiles/{release,debug,asan}
 
 help:           ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-9s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
 	@echo
 	@echo "A Debian image without make: apt-get install -y make, or docker/setup.sh, which installs make as well."
 	@echo "Another system than Debian 12: any target prints the docker commands."

@@ -2,8 +2,8 @@
 """Check the rules of the house that no compiler checks; one finding per line, `file:line: rule: text`.
 
   layer     who may see whom: C++ includes, Python imports, package.xml dependencies (tables SEES and LIBRARIES below)
-  ros       ROS and phri_msgs only in ros/ and nodes/ folders and in scripts that a .test file starts; rosbag only in
-            ros/ folders, such scripts, analysis/phri_analysis/bags.py and analysis/tests
+  ros       ROS and phri_msgs only in ros/ and nodes/ folders, in programs that a .test file starts and in phri_rviz;
+            rosbag only in ros/ folders, such programs, analysis/phri_analysis/bag*.py and analysis/tests
   call      calls that are unsafe, or that draw random numbers anywhere but from phri_core::Random
   size      no source file past 400 lines
   path      no path of one particular machine
@@ -27,7 +27,8 @@ SEES = {
     "phri_control": {"eigen", "phri_core", "kdl"},
     "phri_learning": {"eigen", "phri_core", "nlohmann", "openssl"},
     "phri_planning": {"eigen", "phri_core", "ompl"},
-    "phri_sim": {"eigen", "bullet", "kdl", "yaml", "png", "nlohmann"} | PEERS,
+    "phri_sim": {"eigen", "bullet", "kdl", "yaml", "pixbuf", "zlib", "nlohmann"} | PEERS,
+    "phri_rviz": {"qt", "ros", "messages", "phri_msgs"},  # a plugin of rviz: no core of its own
 }
 ROS_ZONE = {"ros", "messages", "phri_msgs"}
 NODE_FOLDERS = ("ros", "nodes")
@@ -41,7 +42,10 @@ LIBRARIES = [(re.compile(pattern), library) for pattern, library in (
     (r"nlohmann/", "nlohmann"),
     (r"openssl/", "openssl"),
     (r"yaml-cpp/", "yaml"),
-    (r"png\.h$", "png"),
+    (r"gdk-pixbuf/", "pixbuf"),
+    (r"zlib\.h$", "zlib"),
+    (r"Qt?[A-Z]\w*(/Q\w+)?$|qwt_\w+\.h$", "qt"),
+    (r"benchmark/", "benchmark"),
     (r"bullet/|Bullet\w+/|LinearMath/|bt\w+\.h$", "bullet"),
     (r"pybind11/", "pybind11"),
     (r"g(test|mock)/", "gtest"),
@@ -49,13 +53,13 @@ LIBRARIES = [(re.compile(pattern), library) for pattern, library in (
     (r"\w+_msgs/|std_srvs/|ros/(time|duration|header|message\w*|serialization)\.h$", "messages"),
     (r"(ros|tf2\w*|roslib|actionlib|diagnostic_updater|dynamic_reconfigure|interactive_markers|message_filters|nodelet"
      r"|pluginlib|rviz|xmlrpcpp|rosgraph\w*|topic_tools)/|XmlRpc\w*\.h$", "ros"),
-    (r"[a-z_0-9]+$|(sys|linux)/|(assert|errno|fcntl|float|limits|math|poll|pthread|sched|signal|std\w+|string|time"
+    (r"[a-z_0-9]+$|(sys|linux)/|(assert|dlfcn|errno|fcntl|float|limits|math|poll|pthread|sched|signal|spawn|std\w+|string|time"
      r"|unistd|[exp]mmintrin)\.h$", "std"),
 )]
 # The same by the keys of package.xml
 KEYS = {"eigen": "eigen", "orocos_kdl": "kdl", "liborocos-kdl-dev": "kdl", "liborocos-kdl": "kdl", "kdl_parser": "kdl",
         "urdf": "kdl", "ompl": "ompl", "libompl-dev": "ompl", "nlohmann-json-dev": "nlohmann", "libssl-dev": "openssl",
-        "openssl": "openssl", "libopenssl-dev": "openssl", "yaml-cpp": "yaml", "libpng-dev": "png", "libpng": "png",
+        "openssl": "openssl", "libopenssl-dev": "openssl", "yaml-cpp": "yaml", "zlib": "zlib",
         "bullet": "bullet", "libbullet-dev": "bullet", "std_srvs": "messages", "message_generation": "messages",
         "message_runtime": "messages", "genpy": "messages", "roscpp": "ros", "rospy": "ros", "tf2_ros": "ros",
         "diagnostic_updater": "ros", "rosbag": "ros", "rosbag_storage": "ros", "dynamic_reconfigure": "ros"}
@@ -95,13 +99,15 @@ class Checkout:
     def __init__(self, root):
         self.root = pathlib.Path(root).resolve()
         self.findings = []
-        self.files = []
+        self.files = []  # relative to the root
         for folder, names, files in os.walk(self.root):
             here = pathlib.Path(folder).relative_to(self.root)
             names[:] = sorted(name for name in names if not LEFT_BEHIND.search((here / name).as_posix()))
             self.files += [here / name for name in sorted(files)]
-        self.rostest_scripts = {path.parent / node.get("type", "") for path in self.files if path.suffix == ".test"
-                                for node in ET.parse(self.root / path).iter("test")}
+        # a C++ program has the name of its source, and of what it includes beside it
+        started = {path.parent / node.get("type", "") for path in self.files if path.suffix == ".test"
+                   for tag in ("test", "node") for node in ET.parse(self.root / path).iter(tag)}
+        self.rostest_scripts = started | {program.with_suffix(".cpp") for program in started}
 
     def add(self, path, line, rule, text):
         self.findings.append((path.as_posix(), line, rule, text))
@@ -117,14 +123,18 @@ class Checkout:
         if package not in SEES:
             return None
         seen = {package, "std"} | SEES[package]
-        if folder in NODE_FOLDERS or path in self.rostest_scripts:
+        # a test of something in ros/ is named after it
+        tests_ros = folder == "test" and path.parent.parent / "ros" / path.name.removeprefix("test_") in self.files
+        if folder in NODE_FOLDERS or path in self.rostest_scripts or tests_ros:
             seen |= ROS_ZONE
-        if folder == "ros" or path in self.rostest_scripts:
+        if folder == "ros" or path in self.rostest_scripts or tests_ros:
             seen |= {"rosbag"}
         if folder == "python":
             seen |= {"pybind11"}
         if folder == "test":
             seen |= {"gtest"}
+        if folder == "bench":
+            seen |= {"benchmark"}
         return seen
 
     def refuse(self, path, line, library, what):
@@ -145,6 +155,8 @@ class Checkout:
                 if inside not in (self.root / path.parent / name).resolve().parents:
                     self.add(path, line, "layer", f"includes {name}, a file of another package, by relative path")
                 continue
+            if quoted and any(file.name == name and self.package_of(file)[0] == package for file in self.files):
+                continue  # of the same package, by an include path
             found = next(((match, library) for regex, library in LIBRARIES if (match := regex.match(name))), None)
             if found is None:
                 self.add(path, line, "layer", f"include {name} belongs to no library of scripts/check_layers.py")
@@ -168,9 +180,9 @@ class Checkout:
             seen = self.allowed(path)
             if seen is not None and library not in seen:
                 self.refuse(path, line, library, f"import {module}")
-        elif path.parts[0] == "analysis" and not (path.parts[1] == "tests" or path.name == "bags.py"):
+        elif path.parts[0] == "analysis" and not (path.parts[1] == "tests" or re.fullmatch(r"bag\w*\.py", path.name)):
             if library in ROS_ZONE | {"rosbag"}:
-                self.add(path, line, "ros", f"analysis reads bags in bags.py only (import {module})")
+                self.add(path, line, "ros", f"analysis reads bags in bag*.py only (import {module})")
 
     def check_call(self, path, node, name):
         """`name` is the called function with import aliases resolved, such as numpy.random.rand."""

@@ -1,40 +1,33 @@
-"""Reads a recorded trial back into the trial table. The only place of the analysis that knows bags and topics.
+"""Reads a recorded trial back into the trial table. The only place of the analysis that knows topics and messages.
 
 `read_trial(bag)` equals the table of the same trial run in process bit for bit: every number is recorded in double
-precision, stamps only pair messages up, and the time axis is Tick.t. Messages are decoded by the definitions stored in
-the bag itself, so no built message package is needed.
+precision, stamps only pair messages up, and the time axis is Tick.t. First the whole bag is verified (`bag_check`),
+then messages are decoded by the definitions stored in the bag itself, with ROS's genpy, or without ROS with the package
+`rosbags` (pip install phri-analysis[noros]); no message package needs to be built.
 
 Trap: a recorder that could not keep up leaves holes. Ticks that not every topic has are left out and counted in
 attrs["dropped_ticks"] (the measures weigh every tick by its real length); above `MAX_DROPPED` of them the bag is
 refused.
 """
 
+import functools
 import hashlib
 import json
-import struct
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import rosbag
-from genpy import DeserializationError, MessageException
 
-from . import trial_table
+try:
+    from genpy.dynamic import generate_dynamic
+except ImportError:
+    generate_dynamic = None
+
+from . import bag_check, trial_table
 from .errors import BagError, DataError, MissingInputError
 
 NAMESPACE = "/phri"
 MAX_DROPPED = 0.01  # share of ticks; more would shift means by more than participants differ
-_UNREADABLE = (
-    rosbag.ROSBagException,
-    DeserializationError,
-    MessageException,
-    struct.error,
-    EOFError,
-    ValueError,
-    KeyError,
-    RuntimeError,
-    IndexError,
-)
 
 
 def _joint_states(message):
@@ -47,12 +40,18 @@ def _wrench(message):
 
 
 def _tick(message):
-    return message.t, message.state, message.fault, message.limits, message.tank, message.passivity
+    # bags of before the field existed have no lateness
+    lateness = getattr(message, "lateness", np.nan)
+    return message.t, message.state, message.fault, message.limits, message.tank, message.passivity, lateness
 
 
 # topic -> message type, columns of the trial table, decoder. All at 1 kHz, equal stamps.
 _TICK_TOPICS = {
-    "experiment_node/tick": ("phri_msgs/Tick", ["t", "state", "fault", "limits", "tank", "passivity"], _tick),
+    "experiment_node/tick": (
+        "phri_msgs/Tick",
+        ["t", "state", "fault", "limits", "tank", "passivity", "lateness"],
+        _tick,
+    ),
     "joint_states": ("sensor_msgs/JointState", ["x", "y", "vx", "vy"], _joint_states),
     **{
         f"{agent}_wrench": ("geometry_msgs/WrenchStamped", [f"{agent}_x", f"{agent}_y"], _wrench)
@@ -62,14 +61,15 @@ _TICK_TOPICS = {
 
 
 def find_bags(paths) -> list:
-    """The bags among files and folders (searched to the bottom), sorted. Raises MissingInputError."""
+    """The bags among files and folders (searched to the bottom), sorted. Of a folder only complete recordings:
+    `*.recovered.bag` must be named, for the trial may have been repeated. Raises MissingInputError."""
     found = []
     for path in map(Path, paths):
         if path.is_dir():
-            inside = sorted(path.rglob("*.bag"))
+            inside = sorted(bag for bag in path.rglob("*.bag") if not bag.name.endswith(".recovered.bag"))
             if not inside:
                 cut = sorted(path.rglob("*.bag.active"))
-                hint = f"; {cut[0].name} was cut off while recording" if cut else ""
+                hint = f"; {cut[0].name} was cut off while recording (phri-analysis recover)" if cut else ""
                 raise MissingInputError(f"{path}: no bag in this folder, expected *.bag{hint}")
             found += inside
         elif path.is_file():
@@ -89,41 +89,55 @@ def checksum(path) -> str:
 
 
 def read_trial(path, namespace: str = NAMESPACE) -> pd.DataFrame:
-    """Trial table of one bag. Raises MissingInputError when there is no file, BagError for everything that is wrong in
-    it."""
-    if not Path(path).is_file():
-        raise MissingInputError(f"{path}: no such bag")
-    try:
-        bag = rosbag.Bag(str(path))
-    except rosbag.ROSBagUnindexedException:
-        raise BagError(
-            f"{path}: the bag has no index (the recording was cut off); `rosbag reindex` may repair it"
-        ) from None
-    except _UNREADABLE as error:
-        raise BagError(f"{path}: not a readable ROS bag (truncated, or another format): {error}") from None
-    with bag:
-        table = _read(bag, str(path), namespace)
+    """Trial table of one bag. Real-time trials have a column more, `lateness` [s], where it was recorded; a recovered
+    bag is marked by attribute `recovered`. Raises MissingInputError when there is no file, BagError for everything that
+    is wrong in it."""
+    messages, notes = bag_check.read_verified(path)
+    table = _read(messages, str(path), namespace)
+    if "recovered_from" in notes:
+        table.attrs["recovered"] = True
     try:
         return trial_table.conform(table)
     except DataError as error:
         raise BagError(f"{path}: {error}") from None
 
 
-def _messages(bag, topics, path):
-    """(topic, message) in recorded order; what rosbag raises on a damaged file becomes a BagError."""
-    messages = bag.read_messages(topics=topics)
-    while True:
-        try:
-            topic, message, _ = next(messages)
-        except StopIteration:
-            return
-        except _UNREADABLE as error:
-            raise BagError(f"{path}: damaged or truncated inside ({type(error).__name__}: {error})") from None
-        yield topic, message
+@functools.lru_cache(maxsize=256)
+def _decoder(connection):
+    """(bytes -> message, stamp of a message -> ns) for one definition."""
+    if generate_dynamic:
+        cls = generate_dynamic(connection.type, connection.definition)[connection.type]
+        return (lambda data: cls().deserialize(data)), (lambda stamp: stamp.to_nsec())
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError:
+        raise MissingInputError(
+            "reading bags needs ROS's genpy or the package rosbags: pip install phri-analysis[noros]"
+        ) from None
+    store = get_typestore(Stores.EMPTY)
+    name = connection.type.replace("/", "/msg/")
+    store.register(get_types_from_msg(connection.definition, name))
+    return (lambda data: store.deserialize_ros1(data, name)), (lambda stamp: stamp.sec * 10**9 + stamp.nanosec)
 
 
-def _read(bag, path, namespace):
-    present = {topic: info.msg_type for topic, info in bag.get_type_and_topic_info().topics.items()}
+def _decoded(message, path):
+    """(message, its stamp in ns or None)."""
+    try:
+        decode, to_ns = _decoder(message.connection)
+        content = decode(message.data)
+        header = getattr(content, "header", None)
+        return content, header and to_ns(header.stamp)
+    except MissingInputError:
+        raise
+    except Exception as error:  # whatever a generated decoder makes of bytes that are not what the definition says
+        raise BagError(
+            f"{path}: topic {message.connection.topic}: a message at {message.time * 1e-9:.3f} s cannot be decoded "
+            f"({type(error).__name__}: {error})"
+        ) from None
+
+
+def _read(messages, path, namespace):
+    present = {message.connection.topic: message.connection.type for message in messages}
     prefix = f"{namespace}/prediction/"
     prediction_topics = sorted(topic for topic in present if topic.startswith(prefix))
     expected = {f"{namespace}/{name}": entry[0] for name, entry in _TICK_TOPICS.items()}
@@ -133,14 +147,20 @@ def _read(bag, path, namespace):
         there = ", ".join(sorted(present)) or "nothing"
         raise BagError(f"{path}: topic {', '.join(missing)} is missing; the bag holds {there}")
     expected.update({topic: "phri_msgs/Prediction" for topic in prediction_topics})
+    if f"{namespace}/map" in present:
+        expected[f"{namespace}/map"] = "nav_msgs/OccupancyGrid"
     for topic, kind in expected.items():
         if present[topic] != kind:
             raise BagError(f"{path}: topic {topic} is of type {present[topic]}, expected {kind}")
 
     stamps = {name: [] for name in _TICK_TOPICS}
     values = {name: [] for name in _TICK_TOPICS}
-    metadata, forecasts = None, {topic: [] for topic in prediction_topics}
-    for topic, message in _messages(bag, list(expected), path):
+    metadata, grid, forecasts = None, None, {topic: [] for topic in prediction_topics}
+    for recorded in messages:
+        topic = recorded.connection.topic
+        if topic not in expected:
+            continue
+        message, stamp = _decoded(recorded, path)
         name = topic[len(namespace) + 1 :]
         if name in _TICK_TOPICS:
             try:
@@ -150,11 +170,13 @@ def _read(bag, path, namespace):
                     f"{path}: topic {topic}: a message without handle_x and handle_y, their position and velocity; "
                     f"it names {', '.join(message.name) or 'no joint'}"
                 ) from None
-            stamps[name].append(message.header.stamp.to_nsec())
+            stamps[name].append(stamp)
         elif name == "metadata":
             metadata = message.data
+        elif name == "map":
+            grid = message
         else:
-            forecasts[topic].append(message)
+            forecasts[topic].append((stamp, message))
 
     frames = [_frame(name, stamps[name], values[name], path, namespace) for name in _TICK_TOPICS]
     table = pd.concat(frames, axis=1, join="inner").sort_index()
@@ -167,6 +189,10 @@ def _read(bag, path, namespace):
             f"messages: {counts}"
         )
     attrs = _attrs(metadata, f"{path}: topic {namespace}/metadata")
+    if grid is not None:
+        attrs["map"] = _map(grid, f"{path}: topic {namespace}/map")
+    if attrs.get("clock") != "realtime" or table["lateness"].isna().any():
+        del table["lateness"]
     for column, data in _forecast_columns(table.index, *_used(forecasts, attrs, path)).items():
         table[column] = data
     table = table.reset_index(drop=True)
@@ -183,7 +209,7 @@ def _frame(name, stamps, values, path, namespace):
     topic = f"{path}: topic {namespace}/{name}"
     for column in columns:
         bad = ~np.isfinite(frame[column].to_numpy(dtype="float64"))
-        if bad.any():
+        if bad.any() and column != "lateness":
             row = int(np.argmax(bad))
             raise BagError(
                 f"{topic}: {column} is {frame[column].iloc[row]} at {stamps[row] * 1e-9:.3f} s in {bad.sum()} of "
@@ -212,7 +238,7 @@ def _forecast_columns(stamps, topic, messages):
     """The last element of each prediction, from the row whose observation it answers (by stamp) until the next one's.
     An empty one means that the model could not tell; the one before it stays the newest."""
     rows, made = [], []
-    for message in messages:
+    for stamp, message in messages:
         size, mean, covariance = message.state_size, np.array(message.mean), np.array(message.covariance)
         count = len(mean) // size if size else 0
         if len(mean) == len(covariance) == 0:
@@ -227,7 +253,7 @@ def _forecast_columns(stamps, topic, messages):
         if not np.isfinite(row).all():
             raise BagError(f"{topic}: a number of the prediction made at {message.t0} s is not finite")
         rows.append(row)
-        made.append(message.header.stamp.to_nsec())
+        made.append(stamp)
     columns = {name: np.full(len(stamps), np.nan) for name in trial_table.PREDICTION}
     if rows:
         order = np.argsort(made, kind="stable")
@@ -236,6 +262,19 @@ def _forecast_columns(stamps, topic, messages):
         for name, data in zip(trial_table.PREDICTION, np.array(rows)[order].T):
             columns[name][known] = data[newest[known]]
     return columns
+
+
+def _map(grid, where):
+    """The walls as text: `grid` is a list of rows from the bottom, "#" where wall, "." where free."""
+    info, cells = grid.info, np.asarray(grid.data, dtype="int8")
+    if len(cells) != info.width * info.height:
+        raise BagError(f"{where}: {len(cells)} cells, expected {info.width} x {info.height}")
+    walls = np.where(cells.reshape(info.height, info.width) > 50, b"#", b".")
+    return {
+        "grid": [row.tobytes().decode() for row in walls],
+        "resolution": float(info.resolution),
+        "origin": [info.origin.position.x, info.origin.position.y],
+    }
 
 
 def _attrs(metadata, where):

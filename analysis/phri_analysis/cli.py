@@ -1,4 +1,4 @@
-"""Command line: `phri-analysis report BAGS...` and `phri-analysis simulate EXPERIMENT`.
+"""Command line: `phri-analysis report|check|recover|lateness BAGS...` and `phri-analysis simulate EXPERIMENT`.
 
 Errors are one line on stderr. Exit codes (sysexits.h): 0 done, 64 usage, 65 bad data, 66 missing input, 70 internal
 error, 74 cannot write.
@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from . import __version__
-from .errors import AnalysisError, UsageError
+from .errors import AnalysisError, BagError, DataError, UsageError
 
 CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
@@ -101,6 +101,90 @@ def simulate(experiment, participants, trials, controllers, seed, settings, jobs
         f"lockstep: {simulated:.0f} s simulated in {wall:.1f} s of one core, {simulated / wall:.0f} times real time "
         "(person, device, scene, loop, predictions, plans and learning)"
     )
+
+
+@cli.command()
+@click.argument("bags", nargs=-1, required=True, metavar="BAGS_OR_DIR...", type=click.Path(path_type=Path))
+def check(bags):
+    """Verifies recordings: structure, counts, and the CRC-32 of every payload where the bag holds digests."""
+    from .bag_check import inspect
+    from .bags import find_bags
+
+    damaged = []
+    for path in find_bags(bags):
+        found = inspect(path)
+        click.echo(f"{'DAMAGED' if found.problems else 'ok'} {path}: {found.summary()}")
+        for problem in found.problems:
+            click.echo(f"  {problem}")
+        if found.problems:
+            damaged.append(f"{path}: {found.headline()}")
+    if damaged:
+        more = f"; {len(damaged)} bags are damaged" if len(damaged) > 1 else ""
+        raise BagError(damaged[0] + more)
+
+
+@cli.command()
+@click.argument("bags", nargs=-1, required=True, metavar="BAG...", type=click.Path(path_type=Path))
+def recover(bags):
+    """Saves what is intact of damaged or cut-off recordings (.bag, .bag.active, .bag.aborted) into NAME.recovered.bag
+    beside them; never overwrites."""
+    from .bag_check import recover as save
+
+    for path in bags:
+        target, found = save(path)
+        first, last = found.span
+        click.echo(f"{target}: {len(found.messages)} messages, {(last - first) * 1e-9:.3f} s saved")
+        click.echo(f"  of {path}: {found.summary()}")
+        for problem in found.problems:
+            click.echo(f"  {problem}")
+
+
+@cli.command()
+@click.argument("bags", nargs=-1, required=True, metavar="BAGS_OR_DIR...", type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default=None,
+    metavar="FILE",
+    help="Picture. [default: lateness.png in the folder given, else beside the first bag]",
+)
+def lateness(bags, out):
+    """Prints and draws how late the ticks of real-time trials came."""
+    from . import lateness as late
+    from .bags import find_bags, read_trial
+
+    files = find_bags(bags)
+    tables = []
+    for path in files:
+        table = read_trial(path)
+        try:
+            late.of_trial(table)
+        except DataError as error:
+            raise DataError(f"{path}: {error}") from None
+        tables.append(table)
+    result = late.summary(tables)
+    click.echo(f"{result.table()}\n{result.line()}")
+    folder = bags[0] if bags[0].is_dir() else files[0].parent
+    click.echo(f"picture: {late.write_figure(result, out or folder / 'lateness.png')}")
+
+
+@cli.command()
+@click.argument("name")
+@click.option("--people", type=int, default=None, metavar="N", help="Simulated participants. [default: study]")
+@click.option("--jobs", type=int, default=2, show_default=True, metavar="J", help="Processes on this machine.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=None,
+    metavar="DIR",
+    help="Folder for table.csv, report.html and session.yaml. [default: results/studies/NAME]",
+)
+def study(name, people, jobs, out):
+    """Runs the evaluation NAME (a module of analysis/studies) on simulated participants and reports on it."""
+    import studies
+
+    options = studies.Options(out or Path("results") / "studies" / name, jobs, people, sys.stderr.isatty())
+    click.echo("\n".join(studies.run(name, options)))
 
 
 def _finish(kept, out, title, notes=()):

@@ -2,14 +2,12 @@
 
 Every function takes tables and returns a matplotlib Figure; nothing is shown or written. What the pictures of the maze
 draw besides the trajectories comes from `table.attrs`, each where given:
-  map        the keys of a ROS map file: {"image": path, or 2-D uint8 array with row 0 on top, "resolution": [m per
-             pixel], "origin": [x, y, ..] of the lower left corner [m], "occupied_thresh": darkness of a wall (0.65)};
-             a picture that is not on this machine is left out, and the panel says so
+  map        {"grid": list of rows from the bottom, "#" where wall and "." where free, "resolution": [m per cell],
+             "origin": [x, y] of the lower left corner [m]}; a map without a grid, as in bags of before they held it,
+             is left out, and the panel says so
   start, goal  [x, y] [m]
   obstacles  list of {"center": [x, y], "half_size": [x, y], "amplitude"} [m]: boxes that swing along x
 """
-
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -17,7 +15,6 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
-from PIL import Image
 
 from . import metrics, style, trial_table
 from .errors import DataError
@@ -69,27 +66,22 @@ def styled(function):
     return run
 
 
-def load_map(description: dict) -> np.ndarray:
-    """The picture of a map as a 2-D uint8 array, row 0 on top. Raises DataError naming the file."""
-    image = description["image"]
-    if isinstance(image, (str, Path)):
-        try:
-            with Image.open(image) as picture:
-                return np.asarray(picture.convert("L"))
-        except OSError as error:
-            raise DataError(f"{image}: cannot read the picture of the map: {error}") from None
-    return np.asarray(image, dtype="uint8")
+def walls_of(description: dict) -> np.ndarray:
+    """The walls of a map as a 2-D boolean array, row 0 at the bottom. Raises DataError."""
+    rows = description["grid"]
+    if len({len(row) for row in rows}) != 1 or set("".join(rows)) - set("#."):
+        raise DataError("map: expected a grid of rows of one length, of # and .")
+    return np.array([[cell == "#" for cell in row] for row in rows])
 
 
 def _draw_walls(axes, description):
-    darkness = (255 - load_map(description).astype(float)) / 255
-    walls = darkness > description.get("occupied_thresh", 0.65)
+    walls = walls_of(description)
     height, width = np.array(walls.shape) * description["resolution"]
     x, y = description["origin"][:2]
     extent = np.array([x, x + width, y, y + height]) * 1e3
     picture = np.zeros((*walls.shape, 4))
     picture[walls] = matplotlib.colors.to_rgba(WALL_FILL)
-    axes.imshow(picture, extent=extent, interpolation="nearest", zorder=0)
+    axes.imshow(picture, extent=extent, interpolation="nearest", origin="lower", zorder=0)
     axes.set_xlim(extent[:2])
     axes.set_ylim(extent[2:])
 
@@ -97,11 +89,10 @@ def _draw_walls(axes, description):
 def draw_maze(axes, attrs: dict) -> None:
     """Walls, swinging obstacles, turning point, start and goal of a scene; axes in mm with equal scale."""
     description = attrs.get("map")
-    image = description["image"] if description is not None else None
-    if isinstance(image, str) and not Path(image).exists():
-        axes.set_title(f"{Path(image).name} not found", loc="right", fontsize=7, color="#888888")
-    elif description is not None:
+    if description and "grid" in description:
         _draw_walls(axes, description)
+    elif description:
+        axes.set_title("no map in the recording", loc="right", fontsize=7, color="#888888")
     for box in attrs.get("obstacles") or ():
         half_x, half_y = box["half_size"][0] + box.get("amplitude", 0.0), box["half_size"][1]
         corner = 1e3 * (box["center"][0] - half_x), 1e3 * (box["center"][1] - half_y)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import jinja2
 
-from . import metrics, plots, style, study, study_plots
+from . import lateness, metrics, plots, style, study, study_plots
 from .errors import OutputError
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -76,6 +76,9 @@ def figures(kept: study.Study, table) -> list:
     for trial in kept.shown_examples():
         name = trial.attrs["controller"]
         result.append((f"trial_{name}", f"One trial under {style.label(name)} along time.", plots.trial_figure(trial)))
+    if kept.lateness:
+        caption = f"Lateness of the ticks of {len(kept.lateness)} real-time trials; a slipped tick is not made up for."
+        result.append(("lateness", caption, lateness.lateness_figure(lateness.summary(kept.lateness))))
     return result
 
 
@@ -172,6 +175,11 @@ def _setting(kept, table, notes):
     dropped = sum(setting.get("dropped_ticks", 0) for setting in kept.settings)
     if dropped:
         rows.append(("Ticks lost in recording", str(dropped)))
+    recovered = sum(setting.get("recovered", False) for setting in kept.settings)
+    if recovered:
+        rows.append(("Recovered recordings", f"{recovered} trials are cut off or have gaps"))
+    if kept.lateness:
+        rows.append(("Lateness of the ticks, real time", lateness.summary(kept.lateness).line()))
     return rows + [(name, str(value)) for name, value in notes]
 
 

@@ -146,6 +146,7 @@ class Study:
     settings: list = field(default_factory=list)
     sources: list = field(default_factory=list)
     skipped: list = field(default_factory=list)
+    lateness: list = field(default_factory=list)  # tables with t and lateness of real-time trials
     speed: list = field(default_factory=list)  # (simulated [s], wall [s]) per block; never in the table
 
     def add(self, trial: pd.DataFrame, track: bool = True) -> None:
@@ -158,11 +159,13 @@ class Study:
             thin = trial.iloc[::TRACK_STEP][["t", "x", "y"]].reset_index(drop=True)
             thin.attrs = dict(trial.attrs)
             self.tracks.append(thin)
+        if "lateness" in trial.columns:
+            self.lateness.append(trial[["t", "lateness"]])
         self._offer(trial)
 
     def merge(self, other: "Study") -> None:
         """Takes over everything of another study."""
-        for name in ("rows", "tracks", "settings", "sources", "skipped", "speed"):
+        for name in ("rows", "tracks", "settings", "sources", "skipped", "lateness", "speed"):
             getattr(self, name).extend(getattr(other, name))
         for example in other.examples.values():
             self._offer(example)

@@ -57,6 +57,8 @@ COLUMNS = (
     Column("prediction_xy", "m^2", "covariance of the predicted position"),
     Column("prediction_yy", "m^2", "variance of the predicted position"),
 )
+# of real-time trials only; a table may lack them
+OPTIONAL = (Column("lateness", "s", "how late the tick came"),)
 NAMES = tuple(column.name for column in COLUMNS)
 PREDICTION = tuple(name for name in NAMES if name.startswith("prediction_"))
 STATES = ("INIT", "IDLE", "PASSIVE", "ACTIVE", "FAULT")
@@ -107,7 +109,8 @@ def conform(table: pd.DataFrame) -> pd.DataFrame:
             raise DataError(f"{what}: attribute {name} is {value!r}, expected {kind.__name__}")
     if len(table) == 0:
         raise DataError(f"{what}: the trial table has no rows")
-    checked = pd.DataFrame({column.name: _typed(table[column.name], column, what) for column in COLUMNS})
+    columns = [*COLUMNS, *(column for column in OPTIONAL if column.name in table.columns)]
+    checked = pd.DataFrame({column.name: _typed(table[column.name], column, what) for column in columns})
     checked.attrs = dict(table.attrs)
     steps = np.diff(checked["t"].to_numpy())
     if len(steps) and not steps.min() > 0:

@@ -94,14 +94,14 @@ _WAY = np.array(
 )
 
 
-def maze_image(pixels=300):
-    """Walls around a channel along the way: 2-D uint8, 0 = wall."""
+def maze_grid(pixels=300):
+    """Walls around a channel along the way, as attribute map has them: rows from the bottom."""
     centre = (np.arange(pixels) + 0.5) / pixels * 0.3 - 0.15
-    x, y = np.meshgrid(centre, centre[::-1])
+    x, y = np.meshgrid(centre, centre)
     way = _smooth_way(400)
     distance = np.min(np.hypot(x[..., None] - way[:, 0], y[..., None] - way[:, 1]), axis=-1)
     width = np.where(x < -0.04, 0.014, 0.045)
-    return np.where(distance < width, 255, 0).astype("uint8")
+    return ["".join(row) for row in np.where(distance < width, ".", "#")]
 
 
 def _smooth_way(count):
@@ -110,7 +110,7 @@ def _smooth_way(count):
     return CubicSpline(np.linspace(0, 1, len(_WAY)), _WAY)(np.linspace(0, 1, count))
 
 
-def plausible_trial(participant=1, controller="lqr", trial=3, seed=7, image=None):
+def plausible_trial(participant=1, controller="lqr", trial=3, seed=7, grid=None):
     """A wandering run along a curved way with forces, contacts, limits and predictions of the usual sizes."""
     random = np.random.default_rng([seed, participant, trial, sum(controller.encode())])
     duration = 10.0 + random.normal(0.0, 0.7)
@@ -159,6 +159,7 @@ def plausible_trial(participant=1, controller="lqr", trial=3, seed=7, image=None
         goal=[-0.11, 0.1],
         obstacles=[{"center": [0.07, 0.0], "half_size": [0.02, 0.01], "amplitude": 0.04}],
     )
-    if image is not None:
-        table.attrs["map"] = {"image": image, "resolution": 0.001, "origin": [-0.15, -0.15, 0.0]}
+    if grid is not None:
+        # the bag's resolution is a float
+        table.attrs["map"] = {"grid": grid, "resolution": float(np.float32(0.3 / len(grid))), "origin": [-0.15, -0.15]}
     return trial_table.conform(table)

@@ -2,7 +2,6 @@ import re
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import synthetic
 from phri_analysis import metrics, plots, report, study, study_plots, style
@@ -11,10 +10,10 @@ from phri_analysis.errors import DataError, OutputError
 
 @pytest.fixture(scope="module")
 def kept():
-    result, image = study.Study(), synthetic.maze_image(60)
+    result, grid = study.Study(), synthetic.maze_grid(60)
     for participant in (1, 2):
         for controller in ("none", "lqr", "mahalanobis"):
-            result.add(synthetic.plausible_trial(participant, controller, 3, image=image))
+            result.add(synthetic.plausible_trial(participant, controller, 3, grid=grid))
     result.sources.append(("one.bag", "ab" * 32))
     return result
 
@@ -59,28 +58,22 @@ def test_pictures_survive_what_trials_may_lack(kept):
     study_plots.subtasks_figure(table).canvas.draw()
 
 
-def test_map_pixels_land_where_the_map_says(tmp_path):
-    # A wall in the upper left pixel only: its picture must cover x in [-10, -5], y in [5, 10] mm.
-    image = np.full((4, 4), 255, dtype="uint8")
-    image[0, 0] = 0
-    Image.fromarray(image).save(tmp_path / "map.png")
-    trial = synthetic.constant_trial(
-        map={"image": str(tmp_path / "map.png"), "resolution": 0.005, "origin": [-0.01, -0.01, 0]}
-    )
-    picture = plots.maze_figure([trial]).axes[0].get_images()[0]
+def test_walls_land_where_the_map_says():
+    # A wall in the upper left cell only: its picture must cover x in [-10, -5], y in [5, 10] mm.
+    walls = {"grid": ["....", "....", "....", "#..."], "resolution": 0.005, "origin": [-0.01, -0.01]}
+    picture = plots.maze_figure([synthetic.constant_trial(map=walls)]).axes[0].get_images()[0]
     assert picture.get_extent() == pytest.approx([-10, 10, -10, 10])
-    assert (
-        picture.origin == "upper" and picture.get_array()[0, 0, 3] == 1.0 and picture.get_array()[1:, :, 3].max() == 0.0
-    )
-    (tmp_path / "map.png").write_bytes(b"no picture")
-    with pytest.raises(DataError, match="map.png: cannot read"):
-        plots.maze_figure([trial])
+    opaque = picture.get_array()[..., 3]
+    assert picture.origin == "lower" and opaque[3, 0] == 1.0 and opaque.sum() == 1.0
+    for rows in (["..", "#"], ["..", "#x"]):
+        with pytest.raises(DataError, match="grid"):
+            plots.maze_figure([synthetic.constant_trial(map={**walls, "grid": rows})])
 
 
-def test_a_map_of_another_machine_is_left_out():
+def test_a_map_that_only_names_a_picture_is_left_out():
     trial = synthetic.constant_trial(map={"image": "/nowhere/maze.png", "resolution": 1, "origin": [0, 0]})
     axes = plots.maze_figure([trial]).axes[0]
-    assert axes.get_title(loc="right") == "maze.png not found" and not axes.get_images()
+    assert axes.get_title(loc="right") == "no map in the recording" and not axes.get_images()
 
 
 def test_the_report_is_self_contained_and_complete(kept, tmp_path):

@@ -227,25 +227,32 @@ void bindLq(py::module_& m)
       .def("add_noise", &addNoise, py::arg("name"), py::kw_only(), py::arg("covariance") = py::none(),
            py::arg("factor") = py::none(),
            "Adds a source eps = factor n, n ~ N(0, I), to the state: covariance (n, n) or factor (n, p), or (T, ...).")
-      .def_property_readonly("horizon", &Problem::horizon)
-      .def_property_readonly("noise", [](const Problem& problem) {
-        std::vector<std::string> names;
-        for (const NoiseSource& source : problem.noise)
-          names.push_back(source.name);
-        return names;
-      });
+      .def_property_readonly("horizon", &Problem::horizon, "number of stages T")
+      .def_property_readonly(
+          "noise",
+          [](const Problem& problem) {
+            std::vector<std::string> names;
+            for (const NoiseSource& source : problem.noise)
+              names.push_back(source.name);
+            return names;
+          },
+          "names of the noise sources");
 
   py::class_<Solution>(m, "LqSolution", "Policy u = gains[k] xi + feedforward[k] and its value.")
-      .def_property_readonly("gains",
-                             [](const Solution& self) {
-                               return stacked(
-                                   self.gains, [](const auto& item) -> const auto& { return item; }, false);
-                             })
-      .def_property_readonly("feedforward",
-                             [](const Solution& self) {
-                               return stacked(
-                                   self.feedforward, [](const auto& item) -> const auto& { return item; }, true);
-                             })
+      .def_property_readonly(
+          "gains",
+          [](const Solution& self) {
+            return stacked(
+                self.gains, [](const auto& item) -> const auto& { return item; }, false);
+          },
+          "(T, m, n)")
+      .def_property_readonly(
+          "feedforward",
+          [](const Solution& self) {
+            return stacked(
+                self.feedforward, [](const auto& item) -> const auto& { return item; }, true);
+          },
+          "(T, m)")
       .def(
           "value",
           [](const Solution& self, const Eigen::VectorXd& x0) {
@@ -268,28 +275,34 @@ void bindPolicy(py::module_& m)
       .def(py::init(&makePolicy), py::arg("t0"), py::arg("dt"), py::arg("gains"), py::arg("references"),
            py::arg("feedforward") = py::none(), py::arg("source") = 0)
       .def("act", &act, py::arg("t"), py::arg("xi"), "u (dof,); zero once expired.")
-      .def("weight", &FeedbackPolicy::weight, py::arg("t"))
-      .def("expired", &FeedbackPolicy::expired, py::arg("t"))
-      .def_property_readonly("t0", &FeedbackPolicy::t0)
-      .def_property_readonly("dt", &FeedbackPolicy::dt)
-      .def_property_readonly("dof", &FeedbackPolicy::dof)
-      .def_property_readonly("source", &FeedbackPolicy::source)
-      .def_property_readonly("horizon_end", &FeedbackPolicy::horizonEnd)
-      .def_property_readonly("gains",
-                             [](const FeedbackPolicy& self) {
-                               return stacked(
-                                   self.stages(), [](const Stage& stage) -> const auto& { return stage.gain; }, false);
-                             })
-      .def_property_readonly("references",
-                             [](const FeedbackPolicy& self) {
-                               return stacked(
-                                   self.stages(), [](const Stage& stage) -> const auto& { return stage.reference; },
-                                   true);
-                             })
-      .def_property_readonly("feedforward", [](const FeedbackPolicy& self) {
-        return stacked(
-            self.stages(), [](const Stage& stage) -> const auto& { return stage.feedforward; }, true);
-      });
+      .def("weight", &FeedbackPolicy::weight, py::arg("t"), "Share of the policy in u at time t [s], 0 to 1.")
+      .def("expired", &FeedbackPolicy::expired, py::arg("t"), "Nothing is left of it at time t [s].")
+      .def_property_readonly("t0", &FeedbackPolicy::t0, "[s] from which it holds")
+      .def_property_readonly("dt", &FeedbackPolicy::dt, "[s] per stage")
+      .def_property_readonly("dof", &FeedbackPolicy::dof, "degrees of freedom")
+      .def_property_readonly("source", &FeedbackPolicy::source, "index of the controller in assistance_names()")
+      .def_property_readonly("horizon_end", &FeedbackPolicy::horizonEnd, "[s]")
+      .def_property_readonly(
+          "gains",
+          [](const FeedbackPolicy& self) {
+            return stacked(
+                self.stages(), [](const Stage& stage) -> const auto& { return stage.gain; }, false);
+          },
+          "L (T, dof, 2 dof) [N/m, Ns/m]")
+      .def_property_readonly(
+          "references",
+          [](const FeedbackPolicy& self) {
+            return stacked(
+                self.stages(), [](const Stage& stage) -> const auto& { return stage.reference; }, true);
+          },
+          "mu (T, 2 dof) [m; m/s]")
+      .def_property_readonly(
+          "feedforward",
+          [](const FeedbackPolicy& self) {
+            return stacked(
+                self.stages(), [](const Stage& stage) -> const auto& { return stage.feedforward; }, true);
+          },
+          "l (T, dof) [N]");
 }
 
 void bindAssistance(py::module_& m)
@@ -299,32 +312,35 @@ void bindAssistance(py::module_& m)
              return StateWeights{ position, velocity };
            }),
            py::arg("position"), py::arg("velocity"))
-      .def_readwrite("position", &StateWeights::position)
-      .def_readwrite("velocity", &StateWeights::velocity);
+      .def_readwrite("position", &StateWeights::position, "[1/m^2]; of mahalanobis [-]")
+      .def_readwrite("velocity", &StateWeights::velocity, "[s^2/m^2]; of mahalanobis [-]");
 
   py::class_<AssistanceSettings> settings(m, "AssistanceSettings", "Settings of every controller of the catalogue.");
   settings.def(py::init<>())
-      .def_readwrite("dt", &AssistanceSettings::dt)
-      .def_readwrite("horizon", &AssistanceSettings::horizon)
-      .def_readwrite("law", &AssistanceSettings::law)
-      .def_readwrite("q_scale", &AssistanceSettings::q_scale)
-      .def_readwrite("control_weight", &AssistanceSettings::control_weight)
-      .def_readwrite("lqr", &AssistanceSettings::lqr)
-      .def_readwrite("mahalanobis", &AssistanceSettings::mahalanobis)
-      .def_readwrite("covariance_floor", &AssistanceSettings::covariance_floor)
-      .def_readwrite("pd_stiffness", &AssistanceSettings::pd_stiffness)
-      .def_readwrite("pd_damping", &AssistanceSettings::pd_damping)
-      .def_readwrite("pd_lookahead", &AssistanceSettings::pd_lookahead);
+      .def_readwrite("dt", &AssistanceSettings::dt, "[s] period of a stage of the policy")
+      .def_readwrite("horizon", &AssistanceSettings::horizon, "[s] length of a policy")
+      .def_readwrite("law", &AssistanceSettings::law, "\"error_feedback\" (the thesis) or \"preview\"")
+      .def_readwrite("q_scale", &AssistanceSettings::q_scale, "[-] on the state weights of lqr and mahalanobis")
+      .def_readwrite("control_weight", &AssistanceSettings::control_weight, "R [1/N^2]")
+      .def_readwrite("lqr", &AssistanceSettings::lqr, "StateWeights per sample")
+      .def_readwrite("mahalanobis", &AssistanceSettings::mahalanobis, "StateWeights per predicted variance")
+      .def_readwrite("covariance_floor", &AssistanceSettings::covariance_floor,
+                     "[m^2; m^2/s^2] added to the predicted variances")
+      .def_readwrite("pd_stiffness", &AssistanceSettings::pd_stiffness, "[N/m]")
+      .def_readwrite("pd_damping", &AssistanceSettings::pd_damping, "[Ns/m]")
+      .def_readwrite("pd_lookahead", &AssistanceSettings::pd_lookahead,
+                     "[s] the reference is the prediction for so much later");
   bindVector<&AssistanceSettings::mass>(settings, "mass");
   bindVector<&AssistanceSettings::damping>(settings, "damping");
 
-  py::class_<AssistanceController>(m, "AssistanceController")
+  py::class_<AssistanceController>(m, "AssistanceController", "Plans feedback policies from predictions.")
       .def("plan", &AssistanceController::plan, py::arg("observation"), py::arg("prediction"),
            "A FeedbackPolicy, or None when the inputs are unusable: see `failure`.")
-      .def_property_readonly("failure", &AssistanceController::failure);
+      .def_property_readonly("failure", &AssistanceController::failure, "why the last plan returned None");
 
-  m.def("make_assistance", &makeAssistance, py::arg("name"), py::arg("settings") = AssistanceSettings());
-  m.def("assistance_names", &assistanceNames);
+  m.def("make_assistance", &makeAssistance, py::arg("name"), py::arg("settings") = AssistanceSettings(),
+        "The controller of this name. Raises ValueError listing the known ones.");
+  m.def("assistance_names", &assistanceNames, "Names of the catalogue, in its order.");
 }
 }  // namespace
 

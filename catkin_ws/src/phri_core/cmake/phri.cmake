@@ -2,6 +2,7 @@
 #   phri_library(SOURCES ... LINK ...)    the package's C++ library, named as the package
 #   phri_python(LINK ...)                 python/bindings.cpp as the flat module `import <package>`
 #   phri_tests(LINK ...)                  every test/test_*.cpp as a gtest program
+#   phri_benchmarks(LINK ...)             every bench/bench_*.cpp as a program of its own
 include_guard(GLOBAL)
 
 set(CMAKE_CXX_STANDARD 17)
@@ -47,6 +48,27 @@ macro(phri_tests)
       get_filename_component(name ${source} NAME_WE)
       catkin_add_gtest(${PROJECT_NAME}_${name} ${source})
       target_link_libraries(${PROJECT_NAME}_${name} ${PROJECT_NAME} gtest_main ${ARGN})
+    endforeach()
+  endif()
+endmacro()
+
+# The programs go to <build space>/<package>/bench/ and are made by the target `benchmarks` alone: neither `all` nor
+# `tests` compiles them. Other .cpp files of bench/ are shared by all of them.
+macro(phri_benchmarks)
+  find_package(benchmark QUIET)
+  if(benchmark_FOUND)
+    if(NOT TARGET benchmarks)
+      add_custom_target(benchmarks)
+    endif()
+    file(GLOB benchmark_common CONFIGURE_DEPENDS bench/*.cpp)
+    file(GLOB benchmark_sources CONFIGURE_DEPENDS bench/bench_*.cpp)
+    list(REMOVE_ITEM benchmark_common ${benchmark_sources})
+    foreach(source ${benchmark_sources})
+      get_filename_component(name ${source} NAME_WE)
+      add_executable(${name} EXCLUDE_FROM_ALL ${source} ${benchmark_common})
+      target_link_libraries(${name} ${PROJECT_NAME} benchmark::benchmark ${ARGN})
+      set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR}/bench)
+      add_dependencies(benchmarks ${name})
     endforeach()
   endif()
 endmacro()

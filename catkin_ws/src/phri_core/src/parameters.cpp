@@ -75,7 +75,7 @@ void ParameterTable::add(Entry entry, Setter setter)
 ParameterTable& ParameterTable::number(const std::string& key, double* field, const std::string& unit, double low,
                                        double high, const std::string& help, bool tunable)
 {
-  add({ key, unit, help, low, high, {}, "number", show(*field), tunable },
+  add({ key, unit, help, low, high, {}, "number", show(*field), tunable, *field },
       [=](const ParameterValue& value, bool commit) -> std::string {
         const auto* given = std::get_if<double>(&value);
         if (!given)
@@ -174,6 +174,15 @@ ParameterTable& ParameterTable::names(const std::string& key, std::vector<std::s
         return "";
       });
   return *this;
+}
+
+ParameterTable ParameterTable::tunable() const
+{
+  ParameterTable part;
+  for (std::size_t i = 0; i < entries_.size(); ++i)
+    if (entries_[i].tunable)
+      part.add(entries_[i], setters_[i]);
+  return part;
 }
 
 void ParameterTable::assign(const std::string& where, const std::map<std::string, ParameterValue>& values)

@@ -4,9 +4,11 @@
 Leaves in bag_dir: the bags; session.yaml (seed, configuration, revision, every bag with its SHA-256); session.status,
 one line `<exit code> <reason>`, because roslaunch returns 0 whatever happens.
 
-Exit codes: 0 all trials ran; 70 a node died or misbehaved (named), or the session was interrupted; 74 a bag cannot be
+Exit codes: 0 all trials ran; 65 the scene's picture is unusable; 70 a node died or misbehaved (named), or the session was interrupted; 74 a bag cannot be
 written; 78 bad parameters. A trial during which the learner died is repeated once; what the learner had learned of the
-block it reads back from its store.
+block it reads back from its store. A trial that the operator reset is repeated as often as it is.
+
+Service ~rate (phri_msgs/Rate): how helpful the person found the trial that ended last, 1 to 6; kept in session.yaml.
 """
 
 import hashlib
@@ -14,18 +16,20 @@ import json
 import os
 import pathlib
 import sys
+import threading
 import time
 
 import phri_sim
 import rospy
 import yaml
 from node_parameters import ParameterError, flatten, read
-from phri_msgs.srv import RunTrial, RunTrialRequest, RunTrialResponse
+from phri_msgs.srv import Rate, RateResponse, RunTrial, RunTrialRequest, RunTrialResponse
 from std_srvs.srv import Trigger
 
-OK, INTERNAL, IO, CONFIGURATION = 0, 70, 74, 78
+OK, DATA, INTERNAL, IO, CONFIGURATION = 0, 65, 70, 74, 78
 # [s] on the wall for a node to offer its services; the imports alone take seconds on a busy machine
 START_WAIT = 60.0
+RESET_PAUSE = 0.5  # [s]
 CODES = {RunTrialResponse.IO_ERROR: IO, RunTrialResponse.BAD_REQUEST: CONFIGURATION}
 
 SCHEMA = {  # key: (default, lowest, highest, meaning)
@@ -33,10 +37,12 @@ SCHEMA = {  # key: (default, lowest, highest, meaning)
     "participants": (0, 0, 100000, "number of people; 0: the experiment's own"),
     "trials": (0, 0, 1000, "per person and controller; 0: the experiment's own"),
     "seed": (-1, -1, 2**31 - 1, "of the study; -1: the experiment's own"),
+    "human": ("simulated", None, None, "whose hand moves the object"),
     "participant": (-1, -1, 99999, "only this person; -1: all"),
     "controller": ("", None, None, "only this controller; empty: all"),
     "record": (True, None, None, "write bags"),
     "bag_dir": ("", None, None, "folder for bags and session files"),
+    "rating_wait": (0.0, 0.0, 600.0, "[s] after each trial for a person's rating; 0: none is waited for"),
     "bag_prefix": ("", None, None, "first part of the bags' names; empty: the experiment's name"),
     "experiment_node": ("experiment_node", None, None, "name of the node that runs trials"),
     "learner": ("learner", None, None, "name of the node that learns"),
@@ -70,12 +76,14 @@ class Session:
                                   f"{', '.join(self.experiment.controllers)}"])
         self.total = sum(len(block.trials) for block in self.blocks)
         self.done, self.repeated, self.bags, self.begin = 0, 0, [], time.monotonic()
+        self.ended, self.ratings, self.rated = None, {}, threading.Condition()
         self.run_trial = rospy.resolve_name(settings["experiment_node"] + "/run_trial")
         self.learner = rospy.resolve_name(settings["learner"])
 
     def run(self):
         self.folder.mkdir(parents=True, exist_ok=True)
         self.write("running")
+        rospy.Service("~rate", Rate, self.rate)
         self.wait_for(self.run_trial, self.settings["experiment_node"])
         self.wait_for(self.learner + "/learn", self.learner)
         rospy.loginfo("session of %d trials, seed %d, bags in %s", self.total, self.seed,
@@ -105,6 +113,13 @@ class Session:
         """The response of one trial, after which the learner knows known + 1 demonstrations (unless it is the block's
         last trial); None when the learner was lost on the way. What it left is put aside then."""
         response = self.call_trial(spec, trials, known > 0)
+        while response.reason == RunTrialResponse.ABORTED:
+            time.sleep(RESET_PAUSE)  # at the end of everything the node hears of it before this one
+            if rospy.is_shutdown():
+                raise SessionError(INTERNAL, "interrupted")
+            rospy.loginfo("trial %d of participant %d under %s starts again: %s", spec.trial, spec.participant,
+                          spec.controller, response.message)
+            response = self.call_trial(spec, trials, known > 0)
         if response.reason == RunTrialResponse.PEER_LOST:
             return None
         if not response.success:
@@ -180,21 +195,54 @@ class Session:
     def keep(self, spec, response):
         left = (time.monotonic() - self.begin) / self.done * (self.total - self.done)
         rospy.loginfo("[%d/%d, %d:%02d left] participant %d, %s, trial %d: %s", self.done, self.total, left // 60,
-                      left % 60, spec.participant, spec.controller, spec.trial, response.message)
+                      left % 60, spec.participant, response.controller, spec.trial, response.message)
+        trial = {"participant": spec.participant, "controller": response.controller, "trial": spec.trial}
         if response.bag:
             self.bags.append({
-                "file": os.path.basename(response.bag), "sha256": checksum(response.bag),
-                "participant": spec.participant, "controller": spec.controller, "trial": spec.trial,
+                "file": os.path.basename(response.bag), "sha256": checksum(response.bag), **trial,
                 "evaluated": spec.evaluated, "completed": response.completed, "duration": round(response.duration, 6)})
+        with self.rated:
+            self.ended = trial
         self.write("running")
+        if self.settings["rating_wait"] > 0:
+            self.wait_for_rating()
+
+    def wait_for_rating(self):
+        """Until the person has rated the trial that just ended, or the time for it is up."""
+        end = time.monotonic() + self.settings["rating_wait"]
+        with self.rated:
+            while tuple(self.ended.values()) not in self.ratings and not rospy.is_shutdown():
+                left = end - time.monotonic()
+                if left <= 0:
+                    rospy.logwarn("trial %d of participant %d was not rated", self.ended["trial"],
+                                  self.ended["participant"])
+                    return
+                self.rated.wait(min(left, 0.5))
+
+    def rate(self, request):
+        if not 1 <= request.rating <= 6:
+            return RateResponse(False, f"rating {request.rating}: expected 1 (hindered) to 6 (helped)")
+        with self.rated:
+            if self.ended is None:
+                return RateResponse(False, "no trial has ended yet")
+            trial = dict(self.ended)
+            self.ratings[tuple(trial.values())] = request.rating
+            self.rated.notify_all()
+        self.write("running")
+        return RateResponse(True, f"participant {trial['participant']}, {trial['controller']}, trial {trial['trial']}: "
+                                  f"rated {request.rating}")
 
     def write(self, state):
-        replace(self.folder / "session.yaml", yaml.safe_dump({
-            "state": state, "experiment": self.experiment.name, "seed": self.seed, "trials": self.total,
-            "done": self.done, "repeated": self.repeated, "simulated_participants": True,
-            "git_revision": os.environ.get("PHRI_GIT_REVISION") or "unknown", "overrides": self.overrides,
-            "configuration": yaml.safe_load(pathlib.Path(self.experiment.path).read_text()), "bags": self.bags,
-        }, sort_keys=False))
+        with self.rated:
+            replace(self.folder / "session.yaml", yaml.safe_dump({
+                "state": state, "experiment": self.experiment.name, "seed": self.seed, "trials": self.total,
+                "done": self.done, "repeated": self.repeated, "human": self.settings["human"],
+                "simulated_participants": self.settings["human"] in ("simulated", "replay"),
+                "git_revision": os.environ.get("PHRI_GIT_REVISION") or "unknown", "overrides": self.overrides,
+                "configuration": yaml.safe_load(pathlib.Path(self.experiment.path).read_text()), "bags": self.bags,
+                "ratings": [{"participant": participant, "controller": controller, "trial": trial, "rating": rating}
+                            for (participant, controller, trial), rating in self.ratings.items()],
+            }, sort_keys=False))
 
 
 def checksum(path):
@@ -219,6 +267,8 @@ def run(parameters):
         settings = read(SCHEMA, parameters)
         Session(settings, flatten(overrides)).run()
         return OK, "all trials ran"
+    except phri_sim.PictureError as error:
+        return DATA, str(error)
     except (ParameterError, ValueError) as error:  # phri_core.ParameterError is a ValueError
         return CONFIGURATION, str(error)
     except SessionError as error:

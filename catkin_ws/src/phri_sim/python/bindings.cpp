@@ -5,8 +5,8 @@
 #include <pybind11/stl.h>
 
 #include <cmath>
-#include <filesystem>
 
+#include "phri_sim/human_partner.hpp"
 #include "phri_sim/route.hpp"
 #include "phri_sim/trial.hpp"
 
@@ -56,21 +56,36 @@ void addPredictions(const TrialLog& log, py::dict& columns)
   }
 }
 
+/// The walls as a reader of the bag gets them from its OccupancyGrid, whose resolution is a float. Rows from the
+/// bottom, '#' where wall; text, for attributes of a table must compare and be written as JSON.
+py::dict mapOf(const Scene& scene)
+{
+  const GrayImage& image = scene.image;
+  std::vector<std::string> rows(image.height, std::string(image.width, '.'));
+  for (int row = 0; row < image.height; ++row)
+    for (int column = 0; column < image.width; ++column)
+      if ((255 - image.pixels[row * image.width + column]) / 255.0 > scene.occupied)
+        rows[image.height - 1 - row][column] = '#';
+  const double resolution = scene.walls.resolution();
+  py::dict map;
+  map["grid"] = rows;
+  map["resolution"] = double(float(resolution));
+  // the field has one pixel of wall around the picture
+  map["origin"] = std::vector<double>{ scene.walls.origin()(0) + resolution, scene.walls.origin()(1) + resolution };
+  return map;
+}
+
 py::dict attributes(const Experiment& experiment, const TrialLog& log)
 {
   const Scene& scene = *experiment.scene;
-  py::dict map, attrs;
-  map["image"] = std::filesystem::absolute(scene.image_path).string();
-  map["resolution"] = scene.walls.resolution();
-  // the field has one pixel of wall around the picture
-  map["origin"] = std::vector<double>{ scene.walls.origin()(0) + scene.walls.resolution(),
-                                       scene.walls.origin()(1) + scene.walls.resolution() };
+  py::dict attrs;
   attrs["experiment"] = experiment.name;
   attrs["scene"] = scene.name;
-  attrs["map"] = map;
+  attrs["map"] = mapOf(scene);
   attrs["start"] = std::vector<double>{ scene.start(0), scene.start(1) };
   attrs["goal"] = std::vector<double>{ scene.goal(0), scene.goal(1) };
-  attrs["turning_point_x"] = scene.turning_x;
+  if (std::isfinite(scene.turning_x))
+    attrs["turning_point_x"] = scene.turning_x;
   attrs["participant"] = log.spec.participant;
   attrs["controller"] = log.spec.controller;
   attrs["trial"] = log.spec.trial;
@@ -161,6 +176,108 @@ py::object runOne(const py::object& experiment, const std::string& controller, i
     block.trials.push_back(trialSpec(participant, controller, k, loaded->trials, k - 1, seed));
   return table(*loaded, runUnlocked(loaded, block).back());
 }
+/// One trial in which nobody learns and nobody predicts: under condition (a) the same as within its block.
+py::object runAlone(const ExperimentPtr& experiment, const TrialSpec& spec)
+{
+  const auto run = [&] {
+    py::gil_scoped_release unlocked;
+    return runTrial(experiment, spec, nullptr);
+  };
+  return table(*experiment, run());
+}
+
+HumanPartner makePartner(const Experiment& experiment, const Participant& person, int practice, double mass,
+                         double damping, std::uint64_t seed)
+{
+  const auto route = std::make_shared<const Route>(planRoute(*experiment.scene, person.clearance));
+  return HumanPartner(experiment.scene, route, person, practice, mass, damping, seed);
+}
+
+/// The person, by read-write fields, and the partner that a person is, without device, loop or robot.
+void bindPeople(py::module_& m)
+{
+  py::class_<Trait>(m, "Trait", "Distribution of one parameter over simulated people; limits clamp every draw.")
+      .def_readonly("key", &Trait::key)
+      .def_readonly("unit", &Trait::unit)
+      .def_property_readonly("log_normal", [](const Trait& trait) { return trait.shape == Trait::Shape::LogNormal; })
+      .def_readonly("median", &Trait::median)
+      .def_readonly("spread", &Trait::spread, "standard deviation; of a log-normal: coefficient of variation")
+      .def_readonly("low", &Trait::low)
+      .def_readonly("high", &Trait::high)
+      .def_readonly("help", &Trait::help);
+
+  py::class_<Participant> participant(m, "Participant", "Parameters of one simulated person.");
+  participant.def(py::init<>()).def_readonly("index", &Participant::index);
+  static const Population population;
+  for (const Trait& trait : population.traits)
+    participant.def_readwrite(trait.key.c_str(), trait.field, (trait.help + " [" + trait.unit + "]").c_str());
+
+  py::class_<HumanPartner>(m, "HumanPartner", "One simulated person alone: position and velocity in, force out.")
+      .def(py::init(&makePartner), py::arg("experiment"), py::arg("person"), py::arg("practice"), py::arg("mass"),
+           py::arg("damping"), py::arg("seed"),
+           "In the scene of the experiment; mass [kg] and damping [Ns/m] of the object that the person has learned.")
+      .def(
+          "step",
+          [](HumanPartner& human, double t, const Eigen::Vector2d& x, const Eigen::Vector2d& v,
+             const Eigen::Vector2d& robot_force) { return human.step(t, x, v, robot_force, {}); },
+          py::arg("t"), py::arg("x"), py::arg("v"), py::arg("robot_force") = Eigen::Vector2d(0, 0),
+          "One millisecond without moving obstacles; returns the force [N] BY the person ON the handle. The person\n"
+          "starts to move at t = 0.3 s; with t = 0 for ever he or she holds the start.")
+      .def_property_readonly("intended_position", [](const HumanPartner& human) { return human.intention().position; });
+}
+
+/// One value per pixel of the picture, row 0 on top.
+template <typename Value>
+py::array_t<Value> pixels(const Scene& scene, const std::function<Value(int column, int row)>& value)
+{
+  py::array_t<Value> out({ scene.image.height, scene.image.width });
+  Value* data = out.mutable_data();
+  for (int row = 0; row < scene.image.height; ++row)
+    for (int column = 0; column < scene.image.width; ++column)
+      *data++ = value(column, row);
+  return out;
+}
+
+void addScene(py::module_& m)
+{
+  py::register_exception<PictureError>(m, "PictureError", PyExc_ValueError);
+  py::class_<Scene, std::shared_ptr<Scene>>(m, "Scene", "A picture as a maze, in metres; what load_scene gives.")
+      .def_readonly("name", &Scene::name)
+      .def_readonly("image_path", &Scene::image_path)
+      .def_readonly("start", &Scene::start)
+      .def_readonly("goal", &Scene::goal)
+      .def_readonly("object_radius", &Scene::object_radius)
+      .def_readonly("goal_radius", &Scene::goal_radius)
+      .def_property_readonly(
+          "resolution", [](const Scene& s) { return s.walls.resolution(); }, "[m/pixel]")
+      .def_property_readonly(
+          "origin",
+          [](const Scene& s) {
+            return Eigen::Vector2d(s.walls.origin() + Eigen::Vector2d::Constant(s.walls.resolution()));
+          },
+          "Lower left corner of the picture [m].")
+      .def_property_readonly(
+          "image",
+          [](const Scene& s) {
+            return pixels<std::uint8_t>(s, [&](int i, int j) { return s.image.pixels[j * s.image.width + i]; });
+          },
+          "Luma, (height, width), row 0 on top, 0 black to 255 white; dots are white.")
+      .def_property_readonly(
+          "distances",
+          [](const Scene& s) {
+            return pixels<double>(s, [&](int i, int j) { return s.walls.cell(i + 1, s.image.height - j); });
+          },
+          "Distance to the nearest wall [m] at the pixels' centres, (height, width), row 0 on top; negative inside.")
+      .def(
+          "distance", [](const Scene& s, const Eigen::Vector2d& x) { return s.walls.distance(x); }, py::arg("x"),
+          "Distance of the point x to the nearest wall [m].")
+      .def(
+          "route", [](const Scene& s, double clearance) { return planRoute(s, clearance).points; },
+          py::arg("clearance") = 0.012, "Comfortable way from start to goal, list of (2,) [m].");
+  m.def("load_scene", &loadScene, py::arg("name_or_path"),
+        "A scene of config/scenes, a yaml file or a picture alone (docs/scenes.md). Raises ValueError: PictureError\n"
+        "for the picture, phri_core.ParameterError for keys of the yaml file.");
+}
 }  // namespace
 
 PYBIND11_MODULE(phri_sim, m)
@@ -169,6 +286,7 @@ PYBIND11_MODULE(phri_sim, m)
   py::module_::import("phri_core");
   py::module_::import("phri_control");
 
+  bindPeople(m);
   py::class_<Experiment, std::shared_ptr<Experiment>>(m, "Experiment", "A validated experiment, by name or YAML path.")
       .def(py::init([](const std::string& name, const py::dict& overrides) {
              return std::make_shared<Experiment>(loadExperiment(name, parameters(overrides)));
@@ -181,17 +299,14 @@ PYBIND11_MODULE(phri_sim, m)
       .def_readonly("participants", &Experiment::participants)
       .def_readonly("trials", &Experiment::trials)
       .def_readonly("seed", &Experiment::seed)
+      .def_property_readonly(
+          "traits", [](const Experiment& e) { return e.population.traits; },
+          "Distributions of the population: [Trait].")
       .def("person",
            [](const Experiment& e, std::uint64_t seed, int index) { return e.population.person(seed, index); })
       .def(
           "route", [](const Experiment& e, double clearance) { return planRoute(*e.scene, clearance).points; },
           py::arg("clearance") = 0.012, "Comfortable way from start to goal, list of (2,) [m].");
-
-  py::class_<Participant> participant(m, "Participant", "Parameters of one simulated person.");
-  participant.def_readonly("index", &Participant::index);
-  static const Population population;
-  for (const Trait& trait : population.traits)
-    participant.def_readonly(trait.key.c_str(), trait.field, (trait.help + " [" + trait.unit + "]").c_str());
 
   py::class_<TrialSpec>(m, "TrialSpec")
       .def(py::init(&trialSpec), py::arg("participant"), py::arg("controller"), py::arg("trial"), py::arg("trials"),
@@ -237,6 +352,8 @@ PYBIND11_MODULE(phri_sim, m)
         py::arg("seed") = 7, py::arg("trial") = 0,
         "Runs trial number `trial` (default: the last, evaluated one) of a participant under a controller, after the\n"
         "trials before it, from which the robot learns. Returns its table: one row per millisecond, SI units.");
+  m.def("run_alone", &runAlone, py::arg("experiment"), py::arg("spec"),
+        "The trial `spec` without a model: nobody predicts or assists. Returns its table.");
   m.def(
       "demonstration",
       [](const py::object& frame, int every) {
@@ -245,5 +362,6 @@ PYBIND11_MODULE(phri_sim, m)
         return rows.attr("__getitem__")(names).attr("to_numpy")();
       },
       py::arg("table"), py::arg("every") = 20, "Samples [x; xdot; u_h] (T, 6) of a trial table, every 20 ms.");
+  addScene(m);
   m.def("parameter_reference", &parameterReference, "Every parameter of every configuration file, as Markdown.");
 }

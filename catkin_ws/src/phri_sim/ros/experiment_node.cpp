@@ -1,11 +1,14 @@
 // Hosts trials of an experiment in ROS: the same phri_sim::Trial that runs without ROS, on topics, with a bag.
 //
 // Services: ~run_trial (phri_msgs/RunTrial), ~start ~stop ~clear_fault (of the running trial's loop), ~reset (ends the
-// running trial), ~list_controllers. Topics: see LiveView; private parameters: see NodeSettings. Exit codes: 0 ended by
-// a signal, 70 internal error, 71 no lock file, 76 a node of this name runs already, 78 bad parameters.
+// running trial, to be repeated), ~switch_controller, ~list_controllers, ~set_parameters (dynamic_reconfigure). Topics:
+// see LiveView, HandSource, TuningServer; private parameters: see NodeSettings. Exit codes: 0 ended by
+// a signal, 65 unusable picture, 70 internal error, 71 no lock file, 76 a node of this name runs already, 78 bad
+// parameters.
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <phri_msgs/ListControllers.h>
+#include <phri_msgs/SwitchController.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 
@@ -16,19 +19,23 @@
 
 namespace
 {
-using phri_control::InteractionLoop;
 using phri_sim::HostStatus;
+using phri_sim::Reply;
 using phri_sim::TrialHost;
 using std_srvs::Trigger;
 
-constexpr int kInternal = 70, kRefusedBySystem = 71, kNameTaken = 76, kConfiguration = 78;
+constexpr int kBadData = 65, kInternal = 70, kRefusedBySystem = 71, kNameTaken = 76, kConfiguration = 78;
 constexpr unsigned kThreads = 3;  // one of them busy with a trial
 
 class ExperimentNode
 {
 public:
   ExperimentNode(ros::NodeHandle node, ros::NodeHandle private_node, const phri_sim::NodeSetup& setup)
-    : setup_(setup), host_(node, private_node, setup), updater_(node, private_node)
+    : setup_(setup),
+      host_(node, private_node, setup),
+      tuning_(
+          private_node, [this] { return host_.tunables(); }, [this](const auto& values) { host_.tune(values); }),
+      updater_(node, private_node)
   {
     using phri_msgs::ListControllers;
     using phri_msgs::RunTrial;
@@ -44,11 +51,18 @@ public:
           response.running = host_.runningController();
           return true;
         }));
-    trigger(private_node, "start", "started", [this] { return host_.ask([](InteractionLoop& l) { l.start(); }); });
-    trigger(private_node, "stop", "stopped", [this] { return host_.ask([](InteractionLoop& l) { l.stop(); }); });
-    trigger(private_node, "clear_fault", "asked for; it acts once the cause has been gone for 1 s and all is at rest",
-            [this] { return host_.ask([](InteractionLoop& l) { l.clearFault(); }); });
-    trigger(private_node, "reset", "trial ended", [this] { return host_.abort(); });
+    using phri_msgs::SwitchController;
+    services_.push_back(private_node.advertiseService<SwitchController::Request, SwitchController::Response>(
+        "switch_controller", [this](SwitchController::Request& request, SwitchController::Response& response) {
+          const Reply reply = host_.switchController(request.controller);
+          response.success = reply.success;
+          response.message = reply.text;
+          return true;
+        }));
+    trigger(private_node, "start", &TrialHost::start);
+    trigger(private_node, "stop", &TrialHost::stop);
+    trigger(private_node, "clear_fault", &TrialHost::clearFault);
+    trigger(private_node, "reset", &TrialHost::reset);
 
     updater_.setHardwareID("simulated " + setup.experiment->name);
     updater_.add("interaction loop", this, &ExperimentNode::diagnose);
@@ -60,12 +74,13 @@ public:
   }
 
 private:
-  void trigger(ros::NodeHandle& node, const std::string& name, const std::string& done, std::function<bool()> act)
+  void trigger(ros::NodeHandle& node, const std::string& name, Reply (TrialHost::*act)())
   {
     services_.push_back(node.advertiseService<Trigger::Request, Trigger::Response>(
-        name, [done, act](Trigger::Request&, Trigger::Response& response) {
-          response.success = act();
-          response.message = response.success ? done : "no trial is running";
+        name, [this, act](Trigger::Request&, Trigger::Response& response) {
+          const Reply reply = (host_.*act)();
+          response.success = reply.success;
+          response.message = reply.text;
           return true;
         }));
   }
@@ -100,6 +115,7 @@ private:
 
   const phri_sim::NodeSetup setup_;
   TrialHost host_;
+  phri_sim::TuningServer tuning_;
   diagnostic_updater::Updater updater_;
   std::vector<ros::ServiceServer> services_;
   std::vector<ros::WallTimer> timers_;
@@ -137,8 +153,22 @@ int run(const std::string& name)
     ROS_FATAL("%s", error.what());
     return kConfiguration;
   }
+  catch (const phri_sim::PictureError& error)
+  {
+    ROS_FATAL("E_PICTURE %s", error.what());
+    return kBadData;
+  }
   handModelSettings(setup);
-  ExperimentNode experiment(node, private_node, setup);
+  std::unique_ptr<ExperimentNode> experiment;
+  try
+  {
+    experiment = std::make_unique<ExperimentNode>(node, private_node, setup);
+  }
+  catch (const std::invalid_argument& error)  // a recording that cannot be replayed
+  {
+    ROS_FATAL("E_HAND %s", error.what());
+    return kBadData;
+  }
   ROS_INFO("experiment %s, %s, at the service of %s/run_trial", setup.experiment->name.c_str(),
            setup.settings.clock.c_str(), name.c_str());
   ros::AsyncSpinner spinner(kThreads);

@@ -90,14 +90,16 @@ void LiveView::tick(const phri_control::TickRecord& record, const TickMessages& 
   assistance_.publish(messages.assistance);
   requested_.publish(messages.requested);
   state_.publish(controllerState(record, monitor, stamp));
-  transforms_.sendTransform(objectTransform(record, stamp));
+  if (stamp > last_transform_)  // time stands still while a hand is waited for, and tf wants each stamp once
+    transforms_.sendTransform(objectTransform(record, stamp));
+  last_transform_ = stamp;
   if (slow_.due(now))
     draw(record, stamp);
 }
 
 void LiveView::draw(const phri_control::TickRecord& record, const ros::Time& stamp)
 {
-  Picture picture;
+  LivePicture picture;
   picture.record = &record;
   picture.obstacles = &obstacles_;
   picture.prediction = prediction_ ? &*prediction_ : nullptr;

@@ -58,5 +58,6 @@ private:
   std::optional<phri_core::Prediction> prediction_;
   std::deque<Eigen::Vector2d> trail_;
   std::string title_;
+  ros::Time last_transform_;
 };
 }  // namespace phri_sim

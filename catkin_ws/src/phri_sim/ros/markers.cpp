@@ -17,7 +17,7 @@ struct Color
 {
   float r, g, b, a = 1.0f;
 };
-constexpr Color kObject{ 0.15f, 0.15f, 0.18f }, kStart{ 0.55f, 0.55f, 0.58f }, kGoal{ 0.18f, 0.62f, 0.31f },
+constexpr Color kObject{ 0.15f, 0.15f, 0.18f }, kStart{ 0.18f, 0.62f, 0.31f }, kGoal{ 0.80f, 0.13f, 0.13f },
     kObstacle{ 0.45f, 0.47f, 0.52f }, kTrail{ 0.35f, 0.38f, 0.45f, 0.8f }, kHuman{ 0.12f, 0.42f, 0.80f },
     kAssistance{ 0.90f, 0.45f, 0.05f }, kEnvironment{ 0.75f, 0.12f, 0.20f }, kPrediction{ 0.55f, 0.25f, 0.70f },
     kText{ 0.15f, 0.15f, 0.18f };
@@ -139,7 +139,7 @@ void addPrediction(const phri_core::Prediction& prediction, const ros::Time& sta
 }
 }  // namespace
 
-MarkerArray markers(const Scene& scene, const Picture& picture, const ros::Time& stamp)
+MarkerArray markers(const Scene& scene, const LivePicture& picture, const ros::Time& stamp)
 {
   const phri_control::TickRecord& record = *picture.record;
   MarkerArray out;

@@ -12,7 +12,7 @@
 namespace phri_sim
 {
 /// Everything that changes from picture to picture.
-struct Picture
+struct LivePicture
 {
   const phri_control::TickRecord* record = nullptr;
   const std::vector<MovingObstacle>* obstacles = nullptr;
@@ -23,7 +23,7 @@ struct Picture
 
 /// Object, start, goal, moving obstacles, trail, forces of human, robot and environment as arrows (2 mm per N), 95 %
 /// ellipses of the predicted positions, and a legend with the forces' sizes.
-visualization_msgs::MarkerArray markers(const Scene& scene, const Picture& picture, const ros::Time& stamp);
+visualization_msgs::MarkerArray markers(const Scene& scene, const LivePicture& picture, const ros::Time& stamp);
 
 nav_msgs::Path predictedPath(const phri_core::Prediction& prediction, const ros::Time& stamp);
 

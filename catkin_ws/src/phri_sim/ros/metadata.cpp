@@ -1,5 +1,6 @@
 #include "metadata.hpp"
 
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -43,6 +44,12 @@ json parametersInForce(const NodeSetup& setup)
   return parameters;
 }
 
+/// A recording may be one of a simulated person: what is not known to be a person counts as simulated.
+bool simulated(const std::string& human)
+{
+  return human == "simulated" || human == "replay";
+}
+
 json obstacles(const Scene& scene)
 {
   json boxes = json::array();
@@ -54,12 +61,12 @@ json obstacles(const Scene& scene)
 }
 }  // namespace
 
-std::string metadata(const NodeSetup& setup, const TrialSpec& spec, bool completed, int failed_plans)
+std::string metadata(const NodeSetup& setup, const TrialSpec& spec, bool completed, int failed_plans,
+                     const std::vector<Change>& changes)
 {
   const Experiment& experiment = *setup.experiment;
   const Scene& scene = *experiment.scene;
   const char* revision = std::getenv("PHRI_GIT_REVISION");
-  const double resolution = scene.walls.resolution();
   json attributes = {
     { "experiment", experiment.name },
     { "scene", scene.name },
@@ -72,20 +79,20 @@ std::string metadata(const NodeSetup& setup, const TrialSpec& spec, bool complet
     { "trial_seed", spec.seed },
     { "completed", completed },
     { "failed_plans", failed_plans },
-    { "simulated_participants", setup.settings.human == "simulated" },
+    { "human", setup.settings.human },
+    { "simulated_participants", simulated(setup.settings.human) },
     { "clock", setup.settings.clock },
     { "start", pair(scene.start) },
     { "goal", pair(scene.goal) },
-    { "turning_point_x", scene.turning_x },
     { "git_revision", revision && *revision ? revision : "unknown" },
     { "units", "SI: m, s, kg, N, J; wrenches are exerted BY the named agent ON the object, in frame maze" },
     { "parameters", parametersInForce(setup) },
   };
-  // the field has one pixel of wall around the picture
-  attributes["map"] = { { "image", std::filesystem::absolute(scene.image_path).string() },
-                        { "resolution", resolution },
-                        { "origin", pair(scene.walls.origin().array() + resolution) },
-                        { "occupied_thresh", scene.occupied } };
+  if (std::isfinite(scene.turning_x))
+    attributes["turning_point_x"] = scene.turning_x;
+  attributes["changes"] = json::array();
+  for (const Change& change : changes)
+    attributes["changes"].push_back({ { "t", change.t }, { "what", change.what } });
   attributes["obstacles"] = obstacles(scene);
   return attributes.dump();
 }

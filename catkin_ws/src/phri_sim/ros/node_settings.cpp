@@ -66,9 +66,16 @@ phri_core::ParameterTable table(NodeSettings& settings)
       .text("clock", &settings.clock, { "lockstep", "realtime" },
             "as fast as it can, or 1 kHz by the clock on the wall")
       .number("pace", &settings.pace, "-", 0.0, 1000.0, "lockstep no faster than this times real time; 0: no bound")
-      .text("human", &settings.human, { "simulated" }, "whose hand moves the object")
+      .text("human", &settings.human, handKinds(), "whose hand moves the object")
       .text("model_node", &settings.model_node, {}, "node that learns and answers observations; empty: none");
+  addParameters(t, settings.hand);
   return t;
+}
+
+/// A person's hand knows one clock only.
+bool needsRealtime(const std::string& human)
+{
+  return human != "simulated" && human != "replay";
 }
 }  // namespace
 
@@ -93,6 +100,8 @@ NodeSetup loadSetup(const XmlRpcValue& private_parameters, const std::string& wh
   try
   {
     table(setup.settings).assign(where, own);
+    if (needsRealtime(setup.settings.human) && !setup.settings.realtime())
+      errors.push_back("clock = \"lockstep\": expected \"realtime\" with human = \"" + setup.settings.human + '"');
   }
   catch (const phri_core::ParameterError& error)
   {
@@ -108,6 +117,12 @@ NodeSetup loadSetup(const XmlRpcValue& private_parameters, const std::string& wh
   catch (const phri_core::ParameterError& error)
   {
     errors.insert(errors.end(), error.errors().begin(), error.errors().end());
+  }
+  catch (const PictureError& error)
+  {
+    if (errors.empty())
+      throw;
+    errors.push_back(error.what());
   }
   catch (const std::exception& error)
   {

@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "hand_source.hpp"
 #include "phri_sim/experiment.hpp"
 
 namespace phri_sim
@@ -14,7 +15,8 @@ struct NodeSettings
   std::string experiment = "maze_assistance";  ///< name of a file in config/experiments, or a path
   std::string clock = "lockstep";              ///< "lockstep" (as fast as it can) or "realtime"
   double pace = 0.0;                           ///< lockstep no faster than this multiple of real time; 0: no bound
-  std::string human = "simulated";             ///< whose hand it is
+  std::string human = "simulated";             ///< whose hand it is: one of handKinds()
+  HandSettings hand;                           ///< of a real one
   std::string model_node = "learner";          ///< node that learns and answers observations; empty: none
 
   bool realtime() const { return clock == "realtime"; }
@@ -32,7 +34,7 @@ struct NodeSetup
 Parameters flatten(XmlRpc::XmlRpcValue tree, std::vector<std::string>& errors);
 
 /// The node's set-up from its tree of private parameters; what is under `overrides/` replaces keys of the experiment's
-/// files (see loadExperiment). Throws phri_core::ParameterError listing everything that is wrong anywhere, at once;
-/// `where` names the node.
+/// files (see loadExperiment). Throws phri_core::ParameterError listing everything that is wrong anywhere, at once,
+/// or PictureError when the scene's picture is all that is wrong; `where` names the node.
 NodeSetup loadSetup(const XmlRpc::XmlRpcValue& private_parameters, const std::string& where);
 }  // namespace phri_sim

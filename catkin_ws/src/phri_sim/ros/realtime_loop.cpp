@@ -7,19 +7,14 @@
 
 #include <cstdio>
 
+#include "phri_sim/monotonic.hpp"
+
 namespace phri_sim
 {
 namespace
 {
 constexpr std::size_t kRecords = 8192;  // 8 s that a disk may take to answer
 constexpr int kPriority = 80;
-
-std::int64_t monotonicNs() noexcept
-{
-  timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return now.tv_sec * 1000000000LL + now.tv_nsec;
-}
 
 void sleepUntil(std::int64_t ns) noexcept
 {

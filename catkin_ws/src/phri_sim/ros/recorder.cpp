@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <ctime>
@@ -13,7 +14,7 @@ namespace phri_sim
 namespace
 {
 namespace fs = std::filesystem;
-constexpr std::uint32_t kChunk = 32 * 1024;  // [byte]
+const ros::Duration kDigestPeriod(0.5);
 
 std::string utc()
 {
@@ -46,7 +47,7 @@ std::string reserve(const std::string& stem)
 }
 }  // namespace
 
-Recorder::Recorder(const std::string& folder, const std::string& name)
+Recorder::Recorder(const std::string& folder, const std::string& name, std::uint32_t chunk)
 {
   std::error_code error;
   fs::create_directories(folder, error);
@@ -57,7 +58,7 @@ Recorder::Recorder(const std::string& folder, const std::string& name)
   guarded([&] {
     bag_->open(path_ + ".active", rosbag::bagmode::Write);
     bag_->setCompression(rosbag::compression::LZ4);
-    bag_->setChunkThreshold(kChunk);
+    bag_->setChunkThreshold(chunk);
   });
 }
 
@@ -67,6 +68,7 @@ Recorder::~Recorder()
     return;
   try
   {
+    storeDigest(last_, true);
     guarded([&] { bag_->close(); });
     bag_.reset();
     fs::rename(path_ + ".active", path_ + ".aborted");
@@ -77,8 +79,44 @@ Recorder::~Recorder()
   }
 }
 
+void Recorder::put(const std::string& topic, const ros::Time& time, const SerializedMessage& message, bool latched)
+{
+  if (digested_.isZero())
+    digested_ = time;
+  digest_.add(topic, message.kind, time.sec, time.nsec, message.data, message.size);
+  store(topic, time, message, latched);
+  last_ = std::max(last_, time);
+  if (time - digested_ >= kDigestPeriod)
+    storeDigest(time, false);
+}
+
+void Recorder::store(const std::string& topic, const ros::Time& time, const SerializedMessage& message, bool latched)
+{
+  boost::shared_ptr<ros::M_string> header;
+  if (latched)
+  {
+    // a connection header of one's own must be complete: rosbag adds nothing to it
+    header = boost::make_shared<ros::M_string>();
+    (*header)["type"] = message.kind.type;
+    (*header)["md5sum"] = message.kind.md5sum;
+    (*header)["message_definition"] = message.kind.definition;
+    (*header)["topic"] = topic;
+    (*header)["latching"] = "1";
+  }
+  guarded([&] { bag_->write(topic, time, message, header); });
+}
+
+void Recorder::storeDigest(const ros::Time& time, bool final)
+{
+  std_msgs::String text;
+  text.data = digest_.take(time.toNSec(), final);
+  digested_ = time;
+  store(kDigestTopic, time.isZero() ? ros::TIME_MIN : time, serialized(text), false);
+}
+
 std::string Recorder::finish()
 {
+  storeDigest(last_, true);
   guarded([&] { bag_->close(); });
   bag_.reset();
   std::error_code error;

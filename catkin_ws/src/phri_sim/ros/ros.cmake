@@ -1,6 +1,6 @@
 # The ROS half of phri_sim: the experiment node, the session runner, their launch files and rostests.
 # Found apart from the core's dependencies: the library phri_sim does not link ROS.
-set(ros_packages diagnostic_updater geometry_msgs nav_msgs phri_msgs rosbag_storage roscpp rosgraph_msgs sensor_msgs std_msgs
+set(ros_packages diagnostic_updater dynamic_reconfigure geometry_msgs interactive_markers nav_msgs phri_msgs rosbag_storage roscpp rosgraph_msgs sensor_msgs std_msgs
   std_srvs tf2_msgs tf2_ros visualization_msgs)
 foreach(package ${ros_packages})
   find_package(${package} REQUIRED)
@@ -10,33 +10,54 @@ foreach(package ${ros_packages})
 endforeach()
 list(REMOVE_DUPLICATES ros_include_dirs)
 find_package(nlohmann_json REQUIRED)
+find_package(ZLIB REQUIRED)
 
-set(experiment_node_sources
-  ros/experiment_node.cpp
+include_directories(include)
+include_directories(SYSTEM ${catkin_INCLUDE_DIRS} ${ros_include_dirs})
+# everything of the node but its main, for the node and for tests
+add_library(phri_sim_ros STATIC
+  ros/bag_digest.cpp
+  ros/hand_source.cpp
   ros/instance_lock.cpp
+  ros/joy_hand.cpp
   ros/live_view.cpp
+  ros/marker_hand.cpp
   ros/markers.cpp
   ros/metadata.cpp
   ros/node_settings.cpp
+  ros/operator_text.cpp
   ros/prediction_inbox.cpp
   ros/realtime_loop.cpp
   ros/recorder.cpp
+  ros/replay_hand.cpp
+  ros/spring_source.cpp
+  ros/topic_hand.cpp
   ros/trial_host.cpp
+  ros/trial_host_operator.cpp
   ros/trial_host_realtime.cpp
   ros/trial_messages.cpp
-  ros/trial_output.cpp)
-add_executable(experiment_node ${experiment_node_sources})
-add_dependencies(experiment_node ${ros_targets})
-include_directories(include)
-include_directories(SYSTEM ${catkin_INCLUDE_DIRS} ${ros_include_dirs})
-target_link_libraries(experiment_node ${PROJECT_NAME} ${ros_libraries} nlohmann_json::nlohmann_json)
+  ros/trial_output.cpp
+  ros/tuning_server.cpp)
+add_dependencies(phri_sim_ros ${ros_targets})
+target_link_libraries(phri_sim_ros ${PROJECT_NAME} ${ros_libraries} nlohmann_json::nlohmann_json ZLIB::ZLIB)
+add_executable(experiment_node ros/experiment_node.cpp)
+target_link_libraries(experiment_node phri_sim_ros)
 
 install(TARGETS experiment_node RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-catkin_install_python(PROGRAMS nodes/session_runner.py DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+catkin_install_python(PROGRAMS nodes/drag_marker.py nodes/joy_node.py nodes/session_runner.py DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 
 if(CATKIN_ENABLE_TESTING)
   find_package(roslaunch REQUIRED)
   roslaunch_add_file_check(launch)
-  # has no ROS in it
-  target_sources(${PROJECT_NAME}_test_realtime_loop PRIVATE ros/realtime_loop.cpp)
+  add_executable(rostest_hands EXCLUDE_FROM_ALL test/rostest_hands.cpp)
+  add_dependencies(tests rostest_hands)
+  target_link_libraries(rostest_hands gtest)
+  # what the fault tests of the analysis kill and starve of disk
+  add_executable(recorder_test_driver EXCLUDE_FROM_ALL test/recorder_driver.cpp)
+  add_dependencies(tests recorder_test_driver)
+  foreach(target rostest_hands recorder_test_driver ${PROJECT_NAME}_test_realtime_loop ${PROJECT_NAME}_test_recorder
+      ${PROJECT_NAME}_test_replay_hand)
+    add_dependencies(${target} ${ros_targets})
+    target_link_libraries(${target} phri_sim_ros)
+  endforeach()
 endif()

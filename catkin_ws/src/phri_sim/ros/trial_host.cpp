@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "metadata.hpp"
+#include "operator_text.hpp"
 #include "phri_core/check.hpp"
 #include "phri_msgs/conversions.hpp"
 
@@ -31,6 +31,8 @@ TrialHost::TrialHost(ros::NodeHandle& node, ros::NodeHandle& private_node, const
     names_(node, private_node),
     live_(node, private_node, setup.experiment, ros::Time().fromNSec(kSessionStart)),
     inbox_(node, names_.prediction),
+    hands_(makeHandSource(setup.settings.human, setup.settings.hand, setup.experiment->loop, node, private_node,
+                          actions())),
     observations_(node.advertise<phri_msgs::Observation>("observation", kObservationQueue)),
     trials_(node.advertise<phri_msgs::Trial>("trial", 10, true)),
     session_ns_(kSessionStart)
@@ -125,28 +127,39 @@ void TrialHost::waitForModel() const
   }
 }
 
-void TrialHost::conduct(const phri_msgs::RunTrialRequest& request, const TrialSpec& spec, Response& response)
+void TrialHost::conduct(const phri_msgs::RunTrialRequest& request, TrialSpec spec, Response& response)
 {
   if (!setup_.settings.model_node.empty() || request.use_model)
     waitForModel();
-  Trial trial(setup_.experiment, spec);
-  std::unique_ptr<Recorder> recorder;
-  if (!request.bag_dir.empty())
-    recorder = std::make_unique<Recorder>(
-        request.bag_dir, (request.bag_prefix.empty() ? setup_.experiment->name : request.bag_prefix) + "_p" +
-                             std::to_string(spec.participant) + "_" + spec.controller + "_t" +
-                             std::to_string(spec.trial));
-  TrialOutput output(live_, names_, std::move(recorder), spec, trial.obstacles(), sessionTime());
-  Run run{ trial, output, bool(request.use_model) };
-  output.metadata(metadata(setup_, spec, false, 0), output.stamp(0));
-  announce(spec, phri_msgs::Trial::STARTED, false, 0);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    trial_ = &trial;
+    if (!chosen_.empty())
+      spec.controller = chosen_;
+    changes_.clear();
     status_ = HostStatus();
     status_.running = true;
     status_.trial = "participant " + std::to_string(spec.participant) + ", " + spec.controller + ", trial " +
                     std::to_string(spec.trial);
+  }
+  if (hands_)
+    waitForHand(spec);
+  const NodeSetup setup = inForce();
+  Trial trial(setup.experiment, spec, hands_ ? hands_->hand(spec) : nullptr);
+  std::unique_ptr<Recorder> recorder;
+  if (!request.bag_dir.empty())
+    recorder = std::make_unique<Recorder>(
+        request.bag_dir, (request.bag_prefix.empty() ? setup.experiment->name : request.bag_prefix) + "_p" +
+                             std::to_string(spec.participant) + "_" + spec.controller + "_t" +
+                             std::to_string(spec.trial));
+  TrialOutput output(live_, names_, std::move(recorder), spec, *setup_.experiment->scene, trial.obstacles(),
+                     sessionTime());
+  Run run{ trial, output, bool(request.use_model) };
+  output.metadata(metadata(setup, spec, false, 0, {}), output.stamp(0));
+  announce(spec, phri_msgs::Trial::STARTED, false, 0);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    trial_ = &trial;
+    response.controller = spec.controller;
   }
   const auto leave = [&] {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -168,7 +181,7 @@ void TrialHost::conduct(const phri_msgs::RunTrialRequest& request, const TrialSp
   }
   leave();
   response.completed = trial.completed();
-  output.metadata(metadata(setup_, spec, trial.completed(), int(run.failed_plans)),
+  output.metadata(metadata(setup, spec, trial.completed(), int(run.failed_plans), changes()),
                   output.stamp(std::llround(response.duration * 1e9)));
   response.bag = output.finish();
   announce(spec, phri_msgs::Trial::FINISHED, trial.completed(), run.observations);
@@ -193,16 +206,19 @@ void TrialHost::observe(Run& run, const phri_core::Observation& observation, std
   run.output.observed(message);
 }
 
-void TrialHost::tick(Run& run, const phri_control::TickRecord& record, unsigned failed_plans)
+void TrialHost::tick(Run& run, const phri_control::TickRecord& record)
 {
-  run.failed_plans = failed_plans;
-  run.output.tick(record, failed_plans);
+  run.failed_plans = unsigned(run.trial.failedPlans());
+  run.output.tick(record, run.failed_plans);
   if (++run.ticks % 10 != 0)
     return;
+  run.output.controllerIs(run.trial.planner().controller());
+  if (hands_)
+    show(record, operatorText(record), run.output.stamp(record.time_ns));
   const std::lock_guard<std::mutex> lock(mutex_);
   status_.record = record;
   status_.ticks = run.ticks;
-  status_.failed_plans = failed_plans;
+  status_.failed_plans = run.failed_plans;
   status_.limits |= record.limits;
   status_.real_time_factor = run.ticks * setup_.experiment->loop.dt / std::max(1e-6, secondsSince(run.start));
 }
@@ -215,7 +231,7 @@ void TrialHost::lockstep(Run& run)
   {
     trial.step();
     const std::int64_t now_ns = trial.record().time_ns;
-    tick(run, trial.record(), unsigned(trial.failedPlans()));
+    tick(run, trial.record());
     if (!trial.planDue())
       continue;
     if (setup_.settings.pace > 0.0)
@@ -255,35 +271,11 @@ void TrialHost::announce(const TrialSpec& spec, std::uint8_t phase, bool complet
   trials_.publish(message);
 }
 
-bool TrialHost::abort()
-{
-  const std::lock_guard<std::mutex> lock(mutex_);
-  if (!status_.running)
-    return false;
-  abort_ = true;
-  return true;
-}
-
-bool TrialHost::ask(const std::function<void(phri_control::InteractionLoop&)>& request)
-{
-  const std::lock_guard<std::mutex> lock(mutex_);
-  if (!trial_)
-    return false;
-  request(trial_->loop());
-  return true;
-}
-
 void TrialHost::idle()
 {
   const std::unique_lock<std::mutex> busy(busy_, std::try_to_lock);
   if (busy)
     live_.clock(sessionTime());
-}
-
-std::string TrialHost::runningController() const
-{
-  const std::lock_guard<std::mutex> lock(mutex_);
-  return trial_ ? trial_->spec().controller : "";
 }
 
 HostStatus TrialHost::status()

@@ -8,11 +8,15 @@
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
+#include "hand_source.hpp"
+#include "metadata.hpp"
 #include "node_settings.hpp"
 #include "prediction_inbox.hpp"
 #include "realtime_loop.hpp"
 #include "trial_output.hpp"
+#include "tuning_server.hpp"
 
 namespace phri_sim
 {
@@ -46,9 +50,17 @@ struct HostStatus
   std::string error;         ///< of the last trial
 };
 
+/// What came of a request of the operator.
+struct Reply
+{
+  bool success = false;
+  std::string text;
+};
+
 /// Hosts trials, one at a time, on the session's clock: session time = start of the trial + trial time, and it only
 /// rises. In lockstep a tick that is followed by an observation waits for the answer of the model (2 s, then the trial
-/// is given up); in real time the newest answer counts and nothing waits.
+/// is given up); in real time the newest answer counts and nothing waits. With a real hand a trial begins when the hand
+/// is there, and where the hand does not start it by itself, when the operator does.
 class TrialHost
 {
 public:
@@ -56,10 +68,19 @@ public:
 
   /// Runs one trial; returns when it has ended, and never throws.
   phri_msgs::RunTrialResponse run(const phri_msgs::RunTrialRequest& request);
-  /// Ends the running trial as aborted; false when none runs.
-  bool abort();
-  /// Calls `request` with the loop of the running trial; false when none runs.
-  bool ask(const std::function<void(phri_control::InteractionLoop&)>& request);
+
+  /// The operator's requests, from any thread.
+  Reply start();
+  Reply stop();
+  Reply clearFault();
+  /// Ends the running trial as aborted: the session repeats it.
+  Reply reset();
+  Reply switchController(const std::string& name);
+  /// What may be tuned, with the values in force.
+  TuningServer::Entries tunables() const;
+  /// Puts values in force for the running trial and all later ones. Throws phri_core::ParameterError.
+  void tune(const TuningServer::Values& values);
+
   /// Repeats /clock between trials, so that who comes late knows the time.
   void idle();
   std::string runningController() const;
@@ -78,26 +99,37 @@ private:
 
   void check(const phri_msgs::RunTrialRequest& request) const;
   void waitForModel() const;
-  void conduct(const phri_msgs::RunTrialRequest& request, const TrialSpec& spec, phri_msgs::RunTrialResponse& response);
+  void waitForHand(const TrialSpec& spec);
+  void conduct(const phri_msgs::RunTrialRequest& request, TrialSpec spec, phri_msgs::RunTrialResponse& response);
   void lockstep(Run& run);
   void realtime(Run& run);
   void observe(Run& run, const phri_core::Observation& observation, std::int64_t time_ns);
-  void tick(Run& run, const phri_control::TickRecord& record, unsigned failed_plans);
+  void tick(Run& run, const phri_control::TickRecord& record);
+  void show(const phri_control::TickRecord& record, const std::string& text, const ros::Time& stamp);
   void announce(const TrialSpec& spec, std::uint8_t phase, bool completed, std::uint32_t observations);
+  NodeSetup inForce() const;
+  std::vector<Change> changes() const;
+  void changed(const std::string& what);
+  OperatorActions actions();
+  Reply ask(const std::string& done, const std::function<void(phri_control::InteractionLoop&)>& request);
   bool interrupted() const { return abort_ || !ros::ok(); }
   ros::Time sessionTime() const;
 
-  const NodeSetup setup_;
+  NodeSetup setup_;  // its experiment changes when something is tuned
   TopicNames names_;
   LiveView live_;
   PredictionInbox inbox_;
+  std::unique_ptr<HandSource> hands_;  // null: a simulated hand
   ros::Publisher observations_, trials_;
   std::atomic<std::int64_t> session_ns_;
-  std::atomic<bool> abort_{ false };
+  std::atomic<bool> abort_{ false }, waiting_{ false }, start_asked_{ false };
+  std::chrono::steady_clock::time_point next_show_{};
 
   std::mutex busy_;           // held while a trial runs
-  mutable std::mutex mutex_;  // guards the rest
+  mutable std::mutex mutex_;  // guards the rest, and setup_.experiment
   Trial* trial_ = nullptr;
   HostStatus status_;
+  std::string chosen_;           // controller that a real person chose; empty: the one asked for
+  std::vector<Change> changes_;  // of the running trial
 };
 }  // namespace phri_sim

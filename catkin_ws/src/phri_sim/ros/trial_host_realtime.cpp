@@ -22,14 +22,10 @@ phri_core::Observation observationOf(const phri_control::TickRecord& record)
 
 void TrialHost::realtime(Run& run)
 {
-  // plans are made here, not by the trial: the trial belongs to the tick's thread
-  const std::unique_ptr<phri_control::AssistanceController> controller =
-      phri_control::makeAssistance(run.trial.spec().controller, setup_.experiment->assistance);
   const ros::Time first = run.output.stamp(0);
   std::mutex handover;  // between planner and drain, neither of them real-time
   std::deque<std::pair<phri_core::Prediction, phri_msgs::PredictionConstPtr>> planned;
   std::string planner_error;
-  std::atomic<unsigned> failed{ 0 };
 
   RealtimeLoop loop(run.trial);
   const auto plan = [&] {
@@ -47,15 +43,7 @@ void TrialHost::realtime(Run& run)
       const std::optional<phri_core::Prediction> prediction = phri_msgs::fromMessage(*message);
       if (!prediction)
         continue;
-      const phri_core::Observation observation = observationOf(*latest);
-      if (phri_control::withinGate(observation, *prediction, setup_.experiment->model.gate))
-      {
-        std::optional<phri_control::FeedbackPolicy> policy = controller->plan(observation, *prediction);
-        if (policy)
-          run.trial.loop().adopt(std::move(*policy));
-        else
-          ++failed;
-      }
+      run.trial.plan(observationOf(*latest), prediction);
       const std::lock_guard<std::mutex> lock(handover);
       planned.emplace_back(*prediction, message);
     }
@@ -78,7 +66,7 @@ void TrialHost::realtime(Run& run)
   const auto drain = [&] {
     while (loop.pop(record))
     {
-      tick(run, record, failed);
+      tick(run, record);
       if (record.time_ns % period_ns == 0)
         observe(run, observationOf(record), record.time_ns);
       if (run.use_model && (record.time_ns - answered_ns) * 1e-9 > kModelWait)

@@ -1,5 +1,7 @@
 #include "trial_messages.hpp"
 
+#include "operator_text.hpp"
+
 #include <algorithm>
 
 namespace phri_sim
@@ -43,6 +45,7 @@ void TickMessages::fill(const phri_control::TickRecord& record, const ros::Time&
   tick.limits = record.limits;
   tick.tank = record.tank;
   tick.passivity = record.passivity;
+  tick.lateness = record.lateness;
   for (int i = 0; i < 2; ++i)
   {
     joints.position[i] = record.position(i);
@@ -64,6 +67,7 @@ phri_msgs::ControllerState controllerState(const phri_control::TickRecord& recor
   message.state = phri_core::stateName(record.state);
   message.fault = static_cast<std::uint16_t>(record.fault);
   message.fault_name = phri_core::faultName(record.fault);
+  message.message = monitor.message.empty() ? operatorText(record) : monitor.message;
   message.controller = monitor.controller;
   message.source = record.source;
   message.wrench_age = record.wrench_age;

@@ -32,6 +32,7 @@ struct TrialMonitor
   double prediction_t0 = -1.0;  ///< [s] of the prediction planned on last; negative: none yet
   std::uint32_t limits = 0;     ///< since the previous message
   std::uint32_t failed_plans = 0;
+  std::string message;  ///< for the operator; empty: what the record itself says
 };
 phri_msgs::ControllerState controllerState(const phri_control::TickRecord& record, const TrialMonitor& monitor,
                                            const ros::Time& stamp);

@@ -20,12 +20,15 @@ tf2_msgs::TFMessage one(const geometry_msgs::TransformStamped& transform)
 }  // namespace
 
 TrialOutput::TrialOutput(LiveView& live, const TopicNames& names, std::unique_ptr<Recorder> recorder,
-                         const TrialSpec& spec, const std::vector<MovingObstacle>& obstacles, const ros::Time& start)
+                         const TrialSpec& spec, const Scene& scene, const std::vector<MovingObstacle>& obstacles,
+                         const ros::Time& start)
   : live_(live), names_(names), recorder_(std::move(recorder)), start_(start)
 {
   monitor_.controller = spec.controller;
   live_.begin(spec, obstacles);
   recordLatched("/tf_static", start, one(mazeTransform(start)));
+  if (recorder_)
+    recordLatched(names.metadata.substr(0, names.metadata.rfind('/') + 1) + "map", start, occupancyGrid(scene, start));
 }
 
 ros::Time TrialOutput::stamp(std::int64_t time_ns) const

@@ -9,6 +9,7 @@ namespace phri_sim
 namespace
 {
 constexpr double kFar = 1e12;
+constexpr std::uint16_t kNone = 65535;
 
 /// Lower envelope of parabolas: d(q) = min_p (q - p)^2 + f(p), in place.
 void transformLine(std::vector<double>& f, std::vector<double>& d, std::vector<int>& v, std::vector<double>& z, int n)
@@ -41,31 +42,25 @@ void transformLine(std::vector<double>& f, std::vector<double>& d, std::vector<i
   }
 }
 
-/// Distance [pixel] of every pixel to the nearest one whose `wall` equals `target`.
-std::vector<double> distanceTo(const std::vector<char>& wall, int width, int height, char target)
+/// Distance [pixel] along the column to the nearest pixel of the other kind, kNone if the column has none; row by row,
+/// as memory lies.
+std::vector<std::uint16_t> alongColumns(const std::vector<char>& wall, int width, int height)
 {
-  std::vector<double> grid(wall.size());
-  for (std::size_t i = 0; i < wall.size(); ++i)
-    grid[i] = wall[i] == target ? 0.0 : kFar;
-  const int longest = std::max(width, height);
-  std::vector<double> f(longest), d(longest), z(longest + 1);
-  std::vector<int> v(longest);
-  for (int column = 0; column < width; ++column)
-  {
-    for (int row = 0; row < height; ++row)
-      f[row] = grid[std::size_t(row) * width + column];
-    transformLine(f, d, v, z, height);
-    for (int row = 0; row < height; ++row)
-      grid[std::size_t(row) * width + column] = d[row];
-  }
-  for (int row = 0; row < height; ++row)
-  {
-    std::copy_n(grid.begin() + std::size_t(row) * width, width, f.begin());
-    transformLine(f, d, v, z, width);
-    for (int column = 0; column < width; ++column)
-      grid[std::size_t(row) * width + column] = std::sqrt(d[column]);
-  }
-  return grid;
+  std::vector<std::uint16_t> steps(wall.size(), kNone);
+  for (const int way : { 1, -1 })
+    for (int k = 1; k < height; ++k)
+    {
+      const std::size_t row = std::size_t(way > 0 ? k : height - 1 - k) * width;
+      for (int i = 0; i < width; ++i)
+      {
+        const std::size_t at = row + i, before = at - std::size_t(way * width);
+        if (wall[at] != wall[before])
+          steps[at] = 1;
+        else if (steps[before] != kNone)
+          steps[at] = std::min<std::uint16_t>(steps[at], steps[before] + 1);
+      }
+    }
+  return steps;
 }
 }  // namespace
 
@@ -81,14 +76,27 @@ DistanceField::DistanceField(const GrayImage& image, double resolution, const Ei
     for (int column = 0; column < image.width; ++column)
       wall[std::size_t(row + 1) * width_ + column + 1] =
           255 - image.pixels[std::size_t(image.height - 1 - row) * image.width + column] > occupied * 255.0;
-  const std::vector<double> to_wall = distanceTo(wall, width_, height_, 1),
-                            to_free = distanceTo(wall, width_, height_, 0);
+  const std::vector<std::uint16_t> steps = alongColumns(wall, width_, height_);
   distance_.resize(wall.size());
-  for (std::size_t i = 0; i < wall.size(); ++i)
+  std::vector<double> f(width_), d(width_), z(width_ + 1);
+  std::vector<int> v(width_);
+  for (int row = 0; row < height_; ++row)
   {
-    // the surface lies half a pixel from the centres on both sides of it
-    const double pixels = wall[i] ? 0.5 - to_free[i] : to_wall[i] - 0.5;
-    distance_[i] = static_cast<float>(std::clamp(pixels, -1e5, 1e5) * resolution);
+    const std::size_t start = std::size_t(row) * width_;
+    for (const char target : { 1, 0 })  // distances of free pixels to walls, then of walls to free pixels
+    {
+      for (int i = 0; i < width_; ++i)
+        f[i] = wall[start + i] == target ? 0.0 : steps[start + i] == kNone ? kFar : std::pow(steps[start + i], 2);
+      transformLine(f, d, v, z, width_);
+      for (int i = 0; i < width_; ++i)
+      {
+        if (wall[start + i] == target)
+          continue;
+        // the surface lies half a pixel from the centres on both sides of it
+        const double pixels = target ? std::sqrt(d[i]) - 0.5 : 0.5 - std::sqrt(d[i]);
+        distance_[start + i] = static_cast<float>(std::clamp(pixels, -1e5, 1e5) * resolution);
+      }
+    }
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 
 #include "phri_core/random.hpp"
 
@@ -104,7 +105,18 @@ Experiment loadExperiment(const std::string& name_or_path, const Parameters& ove
   collect(errors, [&] {
     phri_control::parameterTable(e.assistance).assign(e.path + " assistance", underPrefix(all, "assistance"));
   });
-  collect(errors, [&] { e.scene = std::make_shared<const Scene>(loadScene(file.scene)); });
+  std::optional<PictureError> picture;
+  collect(errors, [&] {
+    try
+    {
+      e.scene = std::make_shared<const Scene>(loadScene(file.scene));
+    }
+    catch (const PictureError& error)
+    {
+      picture = error;
+      throw;
+    }
+  });
   collect(errors, [&] { part("robots", file.robot, robot.table(e)); });
   collect(errors, [&] { part("safety", file.safety, phri_core::parameterTable(e.loop.safety)); });
   collect(errors, [&] { part("participants", file.participants, e.population.table()); });
@@ -118,6 +130,8 @@ Experiment loadExperiment(const std::string& name_or_path, const Parameters& ove
   if (std::abs(e.model.dt / e.loop.dt - e.replanTicks()) > 1e-9)
     errors.push_back(e.path + ": model/dt = " + std::to_string(e.model.dt) + " s: expected a multiple of the tick, " +
                      std::to_string(e.loop.dt) + " s");
+  if (picture && errors.size() == 1)
+    throw *picture;  // nothing is wrong but the picture: bad data, not a bad configuration
   if (!errors.empty())
     throw phri_core::ParameterError(name_or_path, errors);
 

@@ -4,26 +4,28 @@
 #include <cmath>
 #include <limits>
 #include <queue>
-#include <stdexcept>
 
 namespace phri_sim
 {
 namespace
 {
 using Eigen::Vector2d;
-constexpr double kCell = 0.002;      // [m] grid of the arrival times
-constexpr double kSlowest = 0.05;    // pace next to a wall, relative to the free one
-constexpr double kSmoothing = 0.03;  // [m] width of the moving average
+constexpr double kCell = 0.002;            // [m] grid of the arrival times, where the scene is neither large nor narrow
+constexpr int kMostCells = 1024;           // along the longer side: a million cells take about half a second
+constexpr double kSlowest = 0.05;          // pace next to a wall, relative to the free one
+constexpr double kSmoothing = 0.03;        // [m] width of the moving average
+constexpr double kRoundedClearance = 0.3;  // of the narrowest place of the line, at least kept when it is rounded
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Arrival times at the goal over a grid, by first-order fast marching (Sethian 1996).
 class ArrivalTimes
 {
 public:
-  ArrivalTimes(const Scene& scene, double preferred)
-    : origin_(scene.walls.origin()),
-      width_(int(std::ceil(scene.walls.width() * scene.walls.resolution() / kCell))),
-      height_(int(std::ceil(scene.walls.height() * scene.walls.resolution() / kCell))),
+  ArrivalTimes(const Scene& scene, double preferred, double cell)
+    : cell_(cell),
+      origin_(scene.walls.origin()),
+      width_(int(std::ceil(scene.walls.width() * scene.walls.resolution() / cell))),
+      height_(int(std::ceil(scene.walls.height() * scene.walls.resolution() / cell))),
       pace_(std::size_t(width_) * height_, 0.0),
       time_(pace_.size(), kInfinity)
   {
@@ -39,7 +41,7 @@ public:
 
   double at(const Vector2d& x) const
   {
-    const double u = (x(0) - origin_(0)) / kCell - 0.5, v = (x(1) - origin_(1)) / kCell - 0.5;
+    const double u = (x(0) - origin_(0)) / cell_ - 0.5, v = (x(1) - origin_(1)) / cell_ - 0.5;
     const int i = int(std::floor(u)), j = int(std::floor(v));
     if (i < 0 || j < 0 || i + 1 >= width_ || j + 1 >= height_)
       return kInfinity;
@@ -54,7 +56,7 @@ public:
 
 private:
   std::size_t index(int i, int j) const { return std::size_t(j) * width_ + i; }
-  Vector2d center(int i, int j) const { return origin_ + kCell * Vector2d(i + 0.5, j + 0.5); }
+  Vector2d center(int i, int j) const { return origin_ + cell_ * Vector2d(i + 0.5, j + 0.5); }
   double known(int i, int j) const
   {
     return i < 0 || j < 0 || i >= width_ || j >= height_ ? kInfinity : time_[index(i, j)];
@@ -67,7 +69,7 @@ private:
     std::vector<char> done(time_.size(), 0);
     for (int j = 0; j < height_; ++j)
       for (int i = 0; i < width_; ++i)
-        if (pace_[index(i, j)] > 0.0 && (center(i, j) - goal).norm() < 1.5 * kCell)
+        if (pace_[index(i, j)] > 0.0 && (center(i, j) - goal).norm() < 1.5 * cell_)
         {
           time_[index(i, j)] = (center(i, j) - goal).norm() / pace_[index(i, j)];
           front.push({ time_[index(i, j)], index(i, j) });
@@ -89,7 +91,7 @@ private:
           continue;
         const double a = std::min(known(column - 1, row), known(column + 1, row));
         const double b = std::min(known(column, row - 1), known(column, row + 1));
-        const double cost = kCell / pace_[next], gap = std::abs(a - b);
+        const double cost = cell_ / pace_[next], gap = std::abs(a - b);
         const double time =
             gap < cost ? 0.5 * (a + b + std::sqrt(2.0 * cost * cost - gap * gap)) : std::min(a, b) + cost;
         if (time < time_[next])
@@ -101,24 +103,26 @@ private:
     }
   }
 
+  double cell_;  // [m]
   Vector2d origin_;
   int width_, height_;
   std::vector<double> pace_, time_;
 };
 
-std::vector<Vector2d> descend(const ArrivalTimes& times, const Scene& scene)
+/// From the start to the goal along falling arrival times; empty when the grid knows no way.
+std::vector<Vector2d> descend(const ArrivalTimes& times, const Scene& scene, double cell)
 {
-  constexpr double kStride = 0.0015;  // [m]
   constexpr int kDirections = 48;
+  const double stride = 0.75 * cell;
   std::vector<Vector2d> line{ scene.start };
   double time = times.at(scene.start);
-  while ((line.back() - scene.goal).norm() > 2.0 * kStride)
+  while ((line.back() - scene.goal).norm() > 2.0 * stride)
   {
     Vector2d best = line.back();
     for (int k = 0; k < kDirections; ++k)
     {
       const double angle = 2.0 * M_PI * k / kDirections;
-      const Vector2d candidate = line.back() + kStride * Vector2d(std::cos(angle), std::sin(angle));
+      const Vector2d candidate = line.back() + stride * Vector2d(std::cos(angle), std::sin(angle));
       const double reached = times.at(candidate);
       if (reached < time)
       {
@@ -127,13 +131,30 @@ std::vector<Vector2d> descend(const ArrivalTimes& times, const Scene& scene)
       }
     }
     if (best == line.back())
-      throw std::invalid_argument("scene " + scene.name +
-                                  ": no way leads from the start to the goal for an object of " + "radius " +
-                                  std::to_string(scene.object_radius) + " m");
+      return {};
     line.push_back(best);
   }
   line.push_back(scene.goal);
   return line;
+}
+
+/// The line on the coarsest grid that knows a way.
+std::vector<Vector2d> findLine(const Scene& scene, double preferred)
+{
+  const double extent = std::max(scene.walls.width(), scene.walls.height()) * scene.walls.resolution();
+  // on a grid wider than the object, a step could pass through a thin wall
+  double cell = std::max(std::min(kCell, 2.0 * scene.object_radius), extent / kMostCells);
+  for (;; cell = std::max(0.5 * cell, extent / kMostCells))
+  {
+    std::vector<Vector2d> line = descend(ArrivalTimes(scene, preferred, cell), scene, cell);
+    if (!line.empty())
+      return line;
+    if (cell <= extent / kMostCells || cell <= 0.5 * scene.walls.resolution())
+      break;
+  }
+  throw PictureError("scene " + scene.name + ": no way leads from the start to the goal for an object of radius " +
+                     std::to_string(scene.object_radius) + " m on a grid of " + std::to_string(cell) +
+                     " m: expected a wider passage");
 }
 
 std::vector<Vector2d> resample(const std::vector<Vector2d>& line, double step)
@@ -164,6 +185,31 @@ std::vector<Vector2d> smooth(const std::vector<Vector2d>& line, int half)
     out[k] = sum / (2 * reach + 1);
   }
   return out;
+}
+/// The least clearance [m] along a line; also between its points, as far apart as a wall thinner than the gap could
+/// hide.
+double narrowest(const Scene& scene, const std::vector<Vector2d>& line, double step)
+{
+  const int parts = std::max(1, int(std::ceil(step / (2.0 * scene.object_radius))));
+  double least = scene.clearance(line.front());
+  for (std::size_t k = 1; k < line.size(); ++k)
+    for (int i = 1; i <= parts; ++i)
+      least = std::min(least, scene.clearance(line[k - 1] + (line[k] - line[k - 1]) * (double(i) / parts)));
+  return least;
+}
+
+/// Rounds the corners of a line; the less, the nearer that would bring it to the walls.
+std::vector<Vector2d> rounded(const Scene& scene, const std::vector<Vector2d>& raw, double step)
+{
+  const std::vector<Vector2d> line = resample(raw, step);
+  const double wanted = kRoundedClearance * narrowest(scene, line, step);
+  for (int half = int(0.5 * kSmoothing / step); half > 0; half /= 2)
+  {
+    std::vector<Vector2d> smoothed = resample(smooth(smooth(line, half), half / 2), step);
+    if (narrowest(scene, smoothed, step) > wanted)
+      return smoothed;
+  }
+  return line;
 }
 }  // namespace
 
@@ -202,12 +248,13 @@ double Route::project(const Vector2d& x, double s, double reach) const
 Route planRoute(const Scene& scene, double preferred_clearance)
 {
   Route route;
-  const std::vector<Vector2d> line = descend(ArrivalTimes(scene, preferred_clearance), scene);
-  const int half = int(0.5 * kSmoothing / route.step);
-  route.points = resample(smooth(smooth(resample(line, route.step), half), half / 2), route.step);
+  route.points = rounded(scene, findLine(scene, preferred_clearance), route.step);
   const int last = int(route.points.size()) - 1;
   if (last < 10)
-    throw std::invalid_argument("scene " + scene.name + ": start and goal are nearer than 10 mm: expected a way to go");
+    throw PictureError("scene " + scene.name + ": start and goal are nearer than 10 mm: expected a way to go");
+  if (narrowest(scene, route.points, route.step) <= 0.0)
+    throw PictureError("scene " + scene.name + ": the way from the start to the goal is too narrow to plan for an " +
+                       "object of radius " + std::to_string(scene.object_radius) + " m: expected a wider passage");
   for (int k = 0; k <= last; ++k)
   {
     const Vector2d ahead = route.points[std::min(k + 3, last)], behind = route.points[std::max(k - 3, 0)];

@@ -47,7 +47,7 @@ def run(package, program, *arguments):
 
 def read(path):
     """The 1 kHz topics of a bag as arrays, the prediction messages, the metadata, the number of messages per topic."""
-    data = {"predictions": [], "metadata": [], "stamps": []}
+    data = {"predictions": [], "metadata": [], "stamps": [], "lateness": []}
     rows = {name: [] for name in COLUMNS}
     frames, counts = set(), {}
     with rosbag.Bag(path) as bag:
@@ -56,6 +56,7 @@ def read(path):
             name = topic.split("/")[-1]
             if name == "tick":
                 data["stamps"].append(message.header.stamp.to_nsec())
+                data["lateness"].append(message.lateness)
                 rows[name].append([message.t, message.state, message.fault, message.limits, message.tank,
                                    message.passivity])
             elif name == "joint_states":
@@ -66,6 +67,11 @@ def read(path):
                 rows[name].append([message.wrench.force.x, message.wrench.force.y])
             elif name == "time_hmm":
                 data["predictions"].append(message)
+            elif name == "map":
+                walls = np.where(np.reshape(message.data, (message.info.height, -1)) > 50, "#", ".")
+                corner = message.info.origin.position
+                data["map"] = {"grid": ["".join(row) for row in walls], "resolution": message.info.resolution,
+                               "origin": [corner.x, corner.y]}
             elif name == "metadata":
                 data["metadata"].append(json.loads(message.data))
     data.update({name: np.array(values) for name, values in rows.items()}, frames=frames, counts=counts)
@@ -165,7 +171,9 @@ class ExperimentNodeTest(unittest.TestCase):
             for key in ("experiment", "scene", "practice", "evaluated", "start", "goal", "turning_point_x",
                         "obstacles"):
                 self.assertEqual(last[key], table.attrs[key], key)
-            self.assertLessEqual(table.attrs["map"].items(), last["map"].items())
+            self.assertEqual(bag["map"], table.attrs["map"])
+            self.assertEqual(bag["counts"]["/phri/digest"], 1 + ticks // 500)  # every 0.5 s, and at the end
+            self.assertEqual(set(bag["lateness"]), {0.0})
             self.assertTrue(last["simulated_participants"])
         self.assertGreater(self.bags[1]["stamps"][0], self.bags[0]["stamps"][-1])
 
@@ -215,6 +223,31 @@ class ExperimentNodeTest(unittest.TestCase):
         for text in ("did you mean experiment?", "lockstp", "did you mean admittance/mass?", "model/states"):
             self.assertIn(text, output)
 
+    def test_a_bad_recording_is_bad_data(self):
+        cut = self.folder / "cut.bag"
+        cut.write_bytes(pathlib.Path(self.responses[0].bag).read_bytes()[:200000])
+        for path, text in (("/nowhere/a.bag", "no such file"), (cut, "expected a complete bag of one trial")):
+            status, output = run("phri_sim", "experiment_node", "__name:=refused_replay", "_human:=replay",
+                                 "_experiment:=maze_assistance_demo", f"_hand/bag:={path}")
+            self.assertEqual(status, 65, output)
+            self.assertIn("E_HAND", output)
+            self.assertIn(text, output)
+
+    def test_a_bad_picture_is_bad_data(self):
+        picture = self.folder / "empty.png"
+        picture.write_bytes(b"")
+        status, output = run("phri_sim", "experiment_node", "__name:=refused_picture",
+                             "_experiment:=maze_assistance_demo", f"_overrides/scene:={picture}")
+        self.assertEqual(status, 65, output)
+        self.assertIn("E_PICTURE", output)
+        self.assertIn(str(picture), output)
+
+    def test_a_person_needs_real_time(self):
+        status, output = run("phri_sim", "experiment_node", "__name:=refused_clock", "_human:=marker",
+                             "_experiment:=maze_assistance_demo")
+        self.assertEqual(status, 78, output)
+        self.assertIn('expected "realtime" with human = "marker"', output)
+
     def test_learner_refuses_bad_parameters(self):
         status, output = run("phri_learning", "learner_node.py", "__name:=refused_learner", "_state:=5", "_window:=0")
         self.assertEqual(status, 78, output)
@@ -260,6 +293,7 @@ class ExperimentNodeTest(unittest.TestCase):
         table = phri_sim.run_trial("maze_assistance_demo", controller="none", participant=0, seed=SEED, trial=1)
         ticks = len(bag["tick"])
         self.assertEqual(ticks, 1500)  # the timeout of this node's experiment, none lost
+        self.assertGreater(min(bag["lateness"]), 0.0)  # a timer never fires early
         for topic, names in COLUMNS.items():
             np.testing.assert_array_equal(bag[topic], table[names].to_numpy()[:ticks], err_msg=topic)
 

@@ -20,6 +20,7 @@ import yaml
 
 LIMIT = 120.0  # [s] on the wall for a session to end by itself
 SEED = 5
+MODEL_WAIT = 2.0  # [s] that the experiment node waits for one answer (kModelWait)
 # short trials: they end by the timeout, which is as good an end as any for what is tested here
 OVERRIDES = {"timeout": 12.0, "model/states": 10.0}
 LAUNCH_OVERRIDES = "overrides:={timeout: 12, model: {states: 10}}"
@@ -70,8 +71,8 @@ class Session:
         while self.report()["done"] < trials and self.process.poll() is None and time.monotonic() < end:
             time.sleep(0.01)
 
-    def kill(self, program):
-        """kill -9 of the node whose program is named so; its pid."""
+    def kill(self, program, kind=signal.SIGKILL):
+        """Sends a signal to the node whose program is named so; its pid."""
         for entry in pathlib.Path("/proc").glob("[0-9]*"):
             try:
                 words = (entry / "cmdline").read_bytes().split(b"\0")
@@ -79,7 +80,7 @@ class Session:
             except OSError:
                 continue
             if parent == self.process.pid and any(word.endswith(program.encode()) for word in words):
-                os.kill(int(entry.name), signal.SIGKILL)
+                os.kill(int(entry.name), kind)
                 return int(entry.name)
         raise AssertionError(f"no node {program} among the children of {self.process.pid}:\n{self.text()}")
 
@@ -121,6 +122,22 @@ class SessionTest(unittest.TestCase):
             complete = list((session.folder / "bags").glob("*.bag"))
             self.assertEqual(len(complete), TRIALS)
             self.assertEqual(list((session.folder / "bags").glob("*.active")), [])
+
+    def test_stopped_clock_and_frozen_nodes_change_nothing(self):
+        """Row 16. The experiment node frozen: /clock stands still, nobody hangs or takes it for the end. The learner
+        frozen for longer than it may take for an answer: the trial is repeated. The numbers are as if nothing had been."""
+        with Session("participants:=1", f"trials:={TRIALS}", "controller:=mahalanobis", LAUNCH_OVERRIDES) as session:
+            session.wait_done(1)
+            for program, seconds in (("experiment_node", 2.0), ("learner_node.py", MODEL_WAIT + 1.5)):
+                pid = session.kill(program, signal.SIGSTOP)
+                time.sleep(seconds)
+                os.kill(pid, signal.SIGCONT)
+            code, reason = session.end()
+            self.assertEqual(code, 0, reason + session.text())
+            report = session.report()
+            self.assertLessEqual(report["repeated"], 1)
+            self.assertIn("is connected but does not answer", session.text())
+            self.assert_equals_in_process(session, report["bags"])
 
     def test_killed_experiment_node_ends_the_session_by_name(self):
         with Session("participants:=1", LAUNCH_OVERRIDES) as session:

@@ -1,11 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdio>
-#include <filesystem>
-#include <fstream>
 
-#include "phri_core/parameters.hpp"
 #include "phri_core/random.hpp"
 #include "phri_sim/scene.hpp"
 
@@ -21,26 +17,6 @@ GrayImage randomImage(int width, int height, std::uint64_t seed)
   for (std::uint8_t& pixel : image.pixels)
     pixel = random.uniform() < 0.1 ? 0 : 255;
   return image;
-}
-
-std::string temporary(const std::string& name, const std::string& content)
-{
-  const auto path = std::filesystem::temp_directory_path() / ("phri_test_scene_" + name);
-  std::ofstream(path, std::ios::binary) << content;
-  return path.string();
-}
-
-std::string refusal(const std::string& path)
-{
-  try
-  {
-    readImage(path);
-  }
-  catch (const std::invalid_argument& error)
-  {
-    return error.what();
-  }
-  return "";
 }
 }  // namespace
 
@@ -75,24 +51,6 @@ TEST(DistanceField, OutsideThePictureIsWall)
   EXPECT_NEAR(field.distance({ 0.05, 0.001 }), 0.001, 1e-6);
   EXPECT_NEAR(field.gradient({ 0.05, 0.003 })(1), 1.0, 1e-6);
   EXPECT_LE(field.distance({ 5.0, 5.0 }), 0.0);
-}
-
-TEST(ReadImage, TheTwoPgmFormsAreTheSamePicture)
-{
-  const std::string text = temporary("ascii.pgm", "P2\n# made by hand\n3 2\n10\n0 5 10\n10 0 0\n");
-  const std::string binary = temporary("binary.pgm", std::string("P5 3 2 10\n") + std::string("\0\5\12\12\0\0", 6));
-  const GrayImage a = readImage(text), b = readImage(binary);
-  EXPECT_EQ(a.pixels, b.pixels);
-  EXPECT_EQ(a.pixels, (std::vector<std::uint8_t>{ 0, 127, 255, 255, 0, 0 }));
-}
-
-TEST(ReadImage, RefusesWhatIsNoPictureNamingCauseAndLimit)
-{
-  EXPECT_NE(refusal("/nowhere/maze.png").find("/nowhere/maze.png: cannot be read"), std::string::npos);
-  EXPECT_NE(refusal(temporary("text.png", "hello")).find("not a readable PNG"), std::string::npos);
-  EXPECT_NE(refusal(temporary("huge.pgm", "P5 30000 30000 255\n")).find("4096 x 4096"), std::string::npos);
-  EXPECT_NE(refusal(temporary("short.pgm", "P5 8 8 255\n123")).find("ends before its 64 pixels"), std::string::npos);
-  EXPECT_NE(refusal(temporary("one.pgm", "P5 1 1 255\n1")).find("1 x 1"), std::string::npos);
 }
 
 // Surfaces push away from themselves, in proportion to depth, and never pull: 1e4 random contacts in the shipped maze.
@@ -148,39 +106,5 @@ TEST(Obstacles, DependOnTheTrialSeedOnly)
   {
     EXPECT_GE(obstacle.period, 3.0);
     EXPECT_LE(obstacle.period, 5.0);
-  }
-}
-
-TEST(LoadScene, ListsAllErrorsAtOnce)
-{
-  const std::string path = temporary("bad.yaml", "resolutoin: 0.1\nstart: [0, nan]\nwall: {stiffness: -1}\n");
-  try
-  {
-    loadScene(path);
-    FAIL() << "accepted";
-  }
-  catch (const phri_core::ParameterError& error)
-  {
-    const std::string text = error.what();
-    EXPECT_EQ(error.errors().size(), 3u) << text;
-    EXPECT_NE(text.find("did you mean resolution?"), std::string::npos) << text;
-    EXPECT_NE(text.find("wall/stiffness = -1 N/m"), std::string::npos) << text;
-  }
-}
-
-TEST(LoadScene, RefusesAStartInsideAWall)
-{
-  const std::string picture = temporary("wall.pgm", "P2 4 4 1\n0 0 0 0\n0 0 0 0\n1 1 1 1\n1 1 1 1\n");
-  const std::string path =
-      temporary("start.yaml",
-                "image: " + picture + "\nresolution: 0.05\norigin: [0, 0, 0]\nstart: [0.1, 0.15]\ngoal: [0.1, 0.05]\n");
-  try
-  {
-    loadScene(path);
-    FAIL() << "accepted";
-  }
-  catch (const std::invalid_argument& error)
-  {
-    EXPECT_NE(std::string(error.what()).find("the start (0.1"), std::string::npos) << error.what();
   }
 }

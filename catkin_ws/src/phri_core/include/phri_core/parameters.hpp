@@ -36,6 +36,7 @@ public:
     std::string kind;                  ///< "number", "integer", "flag", "text", "list", "names"
     std::string initial;               ///< default, as text
     bool tunable = false;              ///< may change while running
+    double value = 0.0;                ///< default of a number, with all its digits
   };
 
   ParameterTable& number(const std::string& key, double* field, const std::string& unit, double low, double high,
@@ -57,6 +58,8 @@ public:
   void assign(const std::string& where, const std::map<std::string, ParameterValue>& values);
 
   const std::vector<Entry>& entries() const { return entries_; }
+  /// The part of it that may change while running.
+  ParameterTable tunable() const;
   /// The entries as a Markdown table.
   std::string markdown() const;
 

@@ -49,7 +49,7 @@ struct Experiment
 /// Loads `config/experiments/<name>.yaml` or a path and the scene, robot, safety profile and population that it names.
 /// `overrides` replace keys of the experiment file; its keys "override/robot/...", "override/safety/..." and
 /// "override/participants/..." replace keys of the files named. Throws phri_core::ParameterError listing all errors of
-/// all files at once.
+/// all files at once, or PictureError when the scene's picture is all that is wrong.
 Experiment loadExperiment(const std::string& name_or_path, const Parameters& overrides = {});
 
 /// Reference of every parameter of every file, as Markdown.

@@ -26,7 +26,8 @@ struct Route
 
 /// The comfortable way from the scene's start to its goal: least time where the pace falls linearly with the clearance
 /// below `preferred_clearance` [m] (fast marching on a 2 mm grid, then descent and smoothing over 30 mm), so that it
-/// keeps to the middle of narrow passages and rounds corners. Throws std::invalid_argument when no way leads to the
-/// goal.
+/// keeps to the middle of narrow passages and rounds corners. The grid gets finer where 2 mm knows no way, coarser
+/// where the scene is longer than 2 m; less is smoothed where that would lead too near to a wall. Throws PictureError
+/// when no way leads to the goal, or start and goal are nearer than 10 mm.
 Route planRoute(const Scene& scene, double preferred_clearance);
 }  // namespace phri_sim

@@ -1,22 +1,14 @@
 #pragma once
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <vector>
 
+#include "phri_sim/image.hpp"
+
 namespace phri_sim
 {
-/// Monochrome picture in ROS map orientation: row 0 is the top (largest y).
-struct GrayImage
-{
-  int width = 0, height = 0;         ///< [pixel]
-  std::vector<std::uint8_t> pixels;  ///< row-major, 0 black to 255 white
-};
-
-/// Reads a PNG or a PGM (P2, P5) file. Throws std::invalid_argument naming the file, what was found and the limit
-/// (4096 x 4096 pixels).
-GrayImage readImage(const std::string& path);
-
 /// Signed distance field of a monochrome picture: metres to the nearest wall, negative inside. Exact Euclidean distance
 /// transform of the pixels (Felzenszwalb and Huttenlocher 2012), bilinear in between. Outside the picture is wall.
 class DistanceField
@@ -29,13 +21,14 @@ public:
   /// Unit vector away from the nearest wall; zero where the field is flat.
   Eigen::Vector2d gradient(const Eigen::Vector2d& x) const noexcept;
 
+  /// [m] at the centre of a pixel; row 0 is at the bottom; the field has one pixel of wall around the picture.
+  double cell(int column, int row) const noexcept;
   double resolution() const { return resolution_; }
   int width() const { return width_; }
   int height() const { return height_; }
   const Eigen::Vector2d& origin() const { return origin_; }
 
 private:
-  double cell(int column, int row) const noexcept;
   int width_, height_;
   double resolution_;
   Eigen::Vector2d origin_;
@@ -67,19 +60,33 @@ struct Scene
   Eigen::Vector2d start{ 0, 0 }, goal{ 0, 0 };  ///< [m]
   double goal_radius = 0.006;                   ///< [m]
   double object_radius = 0.003;                 ///< [m]
-  double turning_x = -0.04;                     ///< [m] left of it the subtask "narrow channel" begins
-  double stiffness = 2e4;                       ///< [N/m]
-  double damping = 1500.0;                      ///< [Ns/m], while approaching only
-  std::vector<MovingObstacle> obstacles{};      ///< periods and phases are drawn per trial
-  double period_low = 3.0, period_high = 5.0;   ///< [s]
+  double turning_x = NAN;                      ///< [m] left of it the subtask "narrow channel" begins; NaN: it has none
+  double stiffness = 2e4;                      ///< [N/m]
+  double damping = 1500.0;                     ///< [Ns/m], while approaching only
+  std::vector<MovingObstacle> obstacles{};     ///< periods and phases are drawn per trial
+  double period_low = 3.0, period_high = 5.0;  ///< [s]
 
   /// [m] between the object's rim and the nearest wall (moving boxes not counted).
   double clearance(const Eigen::Vector2d& x) const noexcept { return walls.distance(x) - object_radius; }
 };
 
-/// Loads `config/scenes/<name>.yaml` or a path: the keys of a ROS map file (image, resolution, origin, occupied_thresh,
-/// negate) and ours. Throws phri_core::ParameterError listing every error, or std::invalid_argument for the picture.
+/// Loads a scene (docs/scenes.md): `config/scenes/<name>.yaml` or a path to one, with the keys of a ROS map file
+/// (image, resolution, origin, occupied_thresh, negate) and ours; or a picture alone (.png .jpg .jpeg .pgm .svg, a path
+/// or a file in config/scenes), whose longer side becomes 0.3 m around the origin. Start and goal that no yaml gives
+/// are the centres of the green and the red dot. Throws phri_core::ParameterError listing every wrong key, or
+/// PictureError for the picture: unreadable, no dots, start or goal in a wall, no way between them that the object fits
+/// through.
 Scene loadScene(const std::string& name_or_path);
+
+/// Width [m] of the narrowest place of the widest way between two points, to half a pixel; negative when walls separate
+/// them. `fits` is exact: whether an object of that radius [m] gets through, its centre moving from pixel to pixel.
+struct Passage
+{
+  double width = -1.0;
+  bool fits = false;
+};
+Passage widestPassage(const DistanceField& walls, const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                      double radius);
 
 /// Force [N] of walls and `obstacles` at time t ON an object at x [m] moving with v [m/s]:
 /// max(0, k penetration - b normal velocity) along the normal; surfaces push, they never pull.

@@ -1,0 +1,202 @@
+#!/usr/bin/python3
+"""Runs the benchmarks and their peers in interleaved rounds; writes results/bench.json and prints it as a table.
+
+A round runs our programs once, then every peer once; a row's ratio is the median over the rounds of that round's
+ratio, so what slows the machine down for a while slows both. Usually started by scripts/bench.sh, which builds our
+programs and installs the peers.
+
+Exit status: 0 all rows are complete, 70 a peer is missing, broken or found another result (its row says why), 64 usage,
+66 our programs are not built.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import threading
+
+from rows import ROWS, complete, table, write_docs
+
+HERE = pathlib.Path(__file__).resolve().parent
+PEERS = ("numpy", "crocoddyl", "hmmlearn", "mujoco", "pybullet")
+REQUEST_LIMIT = 120  # [s] a peer that does not answer is broken
+# one core each, and no module of the ROS workspace, which belongs to another numpy
+QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+class Failed(Exception):
+    pass
+
+
+class Peer:
+    """A running peer program; `reason` says why it is of no use (any more)."""
+
+    def __init__(self, name, python, case, log):
+        self.name, self.reason, self.version, self.checks = name, "", name, {}
+        self.log = log / f"{name}.log"
+        self.process = None
+        told = pathlib.Path(python).parent.parent / "not_installed" / name  # scripts/bench.sh writes these
+        if told.is_file():
+            self.reason = told.read_text(encoding="utf-8").strip()
+            return
+        environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+        try:
+            with open(self.log, "w", encoding="utf-8") as errors:
+                self.process = subprocess.Popen(
+                    [python, HERE / f"peer_{name}.py", case], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                    stderr=errors, text=True, env={**environment, **QUIET})
+        except OSError as error:
+            self.reason = str(error)
+            return
+        hello = self._read()
+        if hello:
+            self.version, self.checks = hello["version"], hello["checks"]
+
+    def _read(self):
+        """The next line of JSON; lines that are not (pybullet greets) are skipped."""
+        timer = threading.Timer(REQUEST_LIMIT, self.process.kill)
+        timer.start()
+        try:
+            for line in self.process.stdout:
+                if line.startswith("{"):
+                    return json.loads(line)
+        except (OSError, ValueError) as error:
+            self.reason = f"answered with no JSON: {error}"
+            self.process.kill()  # it would wait for ever
+        finally:
+            timer.cancel()
+        self.process.wait()
+        said = self.log.read_text(encoding="utf-8").strip().splitlines()
+        self.reason = self.reason or (said[-1] if said else f"ended with status {self.process.returncode}")
+        return None
+
+    def measure(self, seconds):
+        if self.reason:
+            return {}
+        try:
+            self.process.stdin.write(json.dumps({"seconds": seconds}) + "\n")
+            self.process.stdin.flush()
+        except OSError as error:
+            self.reason = str(error)
+        return self._read() or {}
+
+    def stop(self):
+        if self.process is None:
+            return
+        with contextlib.suppress(OSError):  # it has ended already
+            self.process.stdin.close()
+        self.process.stdout.close()
+        self.process.wait(timeout=REQUEST_LIMIT)
+
+
+def output_of(command):
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
+    if done.returncode:
+        raise Failed(f"{command[0]} ended with status {done.returncode}: {done.stderr.strip()[-500:]}")
+    return done.stdout
+
+
+def measure_ours(programs, seconds):
+    """{quantity: value} of one round, in the units of the rows."""
+    tick = json.loads(output_of([programs / "bench_tick", 1]))
+    ours = {f"tick_{part}_{key}": tick[part][key] for part in ("step", "tick") for key in ("median", "p999")}
+    options = ["--benchmark_format=json", f"--benchmark_min_time={seconds}"]
+    for entry in json.loads(output_of([programs / "bench_pipeline", *options]))["benchmarks"]:
+        if entry.get("error_occurred"):
+            raise Failed(f"bench_pipeline: {entry['name']}: {entry['error_message']}")
+        ours[entry["name"]] = entry["cpu_time"]
+        if entry["name"] == "trials":
+            ours["trial_speed"] = entry["simulated_s"] / (1e-3 * entry["cpu_time"])
+    return ours
+
+
+def machine():
+    def first(path, key, default="unknown"):
+        lines = pathlib.Path(path).read_text(encoding="utf-8").splitlines()
+        return next((line.split(":", 1)[1].strip() for line in lines if line.startswith(key)), default)
+
+    uname = os.uname()
+    return {
+        "processor": first("/proc/cpuinfo", "model name"),
+        "cores": os.cpu_count(),
+        "memory": first("/proc/meminfo", "MemTotal"),
+        "kernel": f"{uname.sysname} {uname.release}",
+        "compiler": output_of(["c++", "--version"]).splitlines()[0],
+        "load_before": round(os.getloadavg()[0], 2),
+        "revision": os.environ.get("PHRI_GIT_REVISION", "unknown"),
+    }
+
+
+def run(arguments):
+    programs = arguments.programs
+    for name in ("bench_tick", "bench_pipeline"):
+        if not (programs / name).is_file():
+            print(f"bench: {programs / name} is not there: scripts/bench.sh builds it", file=sys.stderr)
+            return 66
+    about = machine()
+    rounds, seconds = (1, 0.001) if arguments.quick else (arguments.rounds, arguments.seconds)
+    ours, peers, measured = [], [], {}
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            if arguments.peers:
+                case = pathlib.Path(folder) / "case.json"
+                output_of([programs / "bench_pipeline", f"--write_case={case}"])
+                peers = [Peer(name, arguments.peers, case, pathlib.Path(folder)) for name in PEERS]
+            for number in range(rounds):
+                print(f"\rbench: round {number + 1} of {rounds}", end="", file=sys.stderr, flush=True)
+                ours.append(measure_ours(programs, seconds))
+                for peer in peers:
+                    measured.setdefault(peer.name, []).append(peer.measure(seconds))
+        finally:
+            print(file=sys.stderr)
+            for peer in peers:
+                peer.stop()
+    rows = [row for spec in ROWS for row in complete(spec, ours, {peer.name: peer for peer in peers}, measured)]
+    result = {
+        "machine": about,
+        "rounds": rounds,
+        "seconds": seconds,
+        "peers": {peer.name: peer.version for peer in peers},
+        "rows": rows,
+    }
+    arguments.output.parent.mkdir(parents=True, exist_ok=True)
+    arguments.output.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    print(table(rows))
+    print(f"\n{arguments.output}")
+    if arguments.docs:
+        write_docs(arguments.docs, result)
+    return 70 if any(row["reason"] for row in rows) else 0
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Our programs and their peers in interleaved rounds.")
+    parser.add_argument("--programs", type=pathlib.Path, required=True, help="folder of bench_tick, bench_pipeline")
+    parser.add_argument("--peers", help="Python interpreter that has the peers; without: no peers")
+    parser.add_argument("--output", type=pathlib.Path, required=True, help="bench.json")
+    parser.add_argument("--docs", type=pathlib.Path, help="page whose table is rewritten")
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--seconds", type=float, default=0.1, help="at least, per round and quantity")
+    parser.add_argument("--quick", action="store_true", help="one short round: numbers mean nothing")
+    arguments = parser.parse_args()
+    if not 1 <= arguments.rounds <= 1000:
+        parser.error(f"--rounds {arguments.rounds}: expected 1 to 1000")
+    if not 0.0 < arguments.seconds <= 60.0:
+        parser.error(f"--seconds {arguments.seconds}: expected more than 0, at most 60")
+    if arguments.quick and arguments.docs:
+        parser.error("--quick --docs: one short round is nothing to publish")
+    try:
+        return run(arguments)
+    except Failed as error:
+        print(f"bench: {error}", file=sys.stderr)
+        return 70
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except SystemExit as end:
+        sys.exit(64 if end.code == 2 else end.code)
