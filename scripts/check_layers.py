@@ -53,8 +53,8 @@ LIBRARIES = [(re.compile(pattern), library) for pattern, library in (
     (r"\w+_msgs/|std_srvs/|ros/(time|duration|header|message\w*|serialization)\.h$", "messages"),
     (r"(ros|tf2\w*|roslib|actionlib|diagnostic_updater|dynamic_reconfigure|interactive_markers|message_filters|nodelet"
      r"|pluginlib|rviz|xmlrpcpp|rosgraph\w*|topic_tools)/|XmlRpc\w*\.h$", "ros"),
-    (r"[a-z_0-9]+$|(sys|linux)/|(assert|dlfcn|errno|fcntl|float|limits|math|poll|pthread|sched|signal|spawn|std\w+|string|time"
-     r"|unistd|[exp]mmintrin)\.h$", "std"),
+    (r"[a-z_0-9]+$|(sys|linux)/|(assert|dlfcn|errno|fcntl|float|limits|math|poll|pthread|sched|signal|spawn|std\w+"
+     r"|string|time|unistd|[exp]mmintrin)\.h$", "std"),
 )]
 # The same by the keys of package.xml
 KEYS = {"eigen": "eigen", "orocos_kdl": "kdl", "liborocos-kdl-dev": "kdl", "liborocos-kdl": "kdl", "kdl_parser": "kdl",

@@ -1,8 +1,9 @@
 #!/usr/bin/python3
 """Writes docs/faults.md from docs/faults.yaml and what the last `make test` measured.
 
-A `measured` text holds fields {Suite.Test:property}: values that the test left as JUnit properties (gtest RecordProperty,
-pytest record_property) under results/tests/. A field without a value there is an error: nothing is written.
+A `measured` text holds fields {Suite.Test:property}, or {suite:property} for those of a whole suite: values that a test
+left as JUnit properties (gtest RecordProperty, pytest record_property) under results/tests/. A field without a value
+there is an error: nothing is written.
 
 usage: write_faults.py [--results FOLDER] [--out FILE]
 """
@@ -25,10 +26,12 @@ def properties(results):
     found = {}
     for path in pathlib.Path(results).rglob("*.xml"):
         try:
-            cases = ET.parse(path).iter("testcase")
+            tree = ET.parse(path)
         except ET.ParseError:
             continue
-        for case in cases:
+        for node in tree.iterfind(".//testsuite/properties/property"):
+            found["suite", node.get("name")] = node.get("value")
+        for case in tree.iter("testcase"):
             suite = case.get("classname", "").split(".")[-1]
             names = {case.get("name"), f"{suite}.{case.get('name')}"}
             for node in case.iter("property"):

@@ -128,7 +128,6 @@ int runAll(QWidget& window, const std::optional<QStringList>& steps)
 
 int main(int argc, char** argv)
 {
-  QApplication application(argc, argv);
   if (argc < 3)
   {
     std::cerr << "usage: phri_rviz_driver CONFIG STEPS|@FILE|-" << std::endl;
@@ -154,6 +153,7 @@ int main(int argc, char** argv)
     return kNoInput;
   }
 
+  QApplication application(argc, argv);
   std::vector<char*> arguments{ argv[0], const_cast<char*>("-d"), argv[1] };
   arguments.insert(arguments.end(), argv + 3, argv + argc);
   rviz::VisualizerApp rviz;

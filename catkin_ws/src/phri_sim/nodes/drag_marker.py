@@ -78,6 +78,7 @@ class Drag:
         self.publisher.publish(message)
 
     def press(self, position):
+        self.over = False  # of an earlier trial
         self.send(InteractiveMarkerFeedback.MOUSE_DOWN, position)
 
     def move(self, position):

@@ -1,12 +1,13 @@
 #!/usr/bin/python3
 """Runs a session: participants x controllers x trials, one bag each, the learner learning in between.
 
-Leaves in bag_dir: the bags; session.yaml (seed, configuration, revision, every bag with its SHA-256); session.status,
-one line `<exit code> <reason>`, because roslaunch returns 0 whatever happens.
+Leaves in bag_dir: the bags; session.yaml (seed, configuration, revision, every bag with its SHA-256, ratings);
+session.status, one line `<exit code> <reason>`, because roslaunch returns 0 whatever happens.
 
-Exit codes: 0 all trials ran; 65 the scene's picture is unusable; 70 a node died or misbehaved (named), or the session was interrupted; 74 a bag cannot be
-written; 78 bad parameters. A trial during which the learner died is repeated once; what the learner had learned of the
-block it reads back from its store. A trial that the operator reset is repeated as often as it is.
+Exit codes: 0 all trials ran; 65 the scene's picture is unusable; 70 a node died or misbehaved (named), or the session
+was interrupted; 74 a bag cannot be written; 78 bad parameters. A trial during which the learner died is repeated once;
+what the learner had learned of the block it reads back from its store. A trial that the operator reset is repeated as
+often as it is.
 
 Service ~rate (phri_msgs/Rate): how helpful the person found the trial that ended last, 1 to 6; kept in session.yaml.
 """

@@ -58,8 +58,8 @@ void LiveView::begin(const TrialSpec& spec, const std::vector<MovingObstacle>& o
   obstacles_ = obstacles;
   prediction_.reset();
   trail_.clear();
-  title_ = "participant " + std::to_string(spec.participant) + "     " + spec.controller + "     trial " +
-           std::to_string(spec.trial);
+  participant_ = "participant " + std::to_string(spec.participant);
+  trial_ = "trial " + std::to_string(spec.trial);
   visualization_msgs::MarkerArray clear;
   clear.markers.resize(1);
   clear.markers[0].header.frame_id = kFrame;
@@ -94,17 +94,17 @@ void LiveView::tick(const phri_control::TickRecord& record, const TickMessages& 
     transforms_.sendTransform(objectTransform(record, stamp));
   last_transform_ = stamp;
   if (slow_.due(now))
-    draw(record, stamp);
+    draw(record, monitor.controller, stamp);
 }
 
-void LiveView::draw(const phri_control::TickRecord& record, const ros::Time& stamp)
+void LiveView::draw(const phri_control::TickRecord& record, const std::string& controller, const ros::Time& stamp)
 {
   LivePicture picture;
   picture.record = &record;
   picture.obstacles = &obstacles_;
   picture.prediction = prediction_ ? &*prediction_ : nullptr;
   picture.trail = &trail_;
-  picture.title = title_;
+  picture.title = participant_ + "     " + controller + "     " + trial_;
   if (markers_.getNumSubscribers() > 0)
     markers_.publish(markers(*experiment_->scene, picture, stamp));
   if (prediction_)

@@ -46,7 +46,7 @@ private:
     WallClock::time_point next{};
     bool due(WallClock::time_point now);
   };
-  void draw(const phri_control::TickRecord& record, const ros::Time& stamp);
+  void draw(const phri_control::TickRecord& record, const std::string& controller, const ros::Time& stamp);
 
   std::shared_ptr<const Experiment> experiment_;
   ros::Publisher clock_, tick_, joints_, human_, environment_, assistance_, requested_, state_, path_, markers_, map_;
@@ -57,7 +57,7 @@ private:
   std::vector<MovingObstacle> obstacles_;
   std::optional<phri_core::Prediction> prediction_;
   std::deque<Eigen::Vector2d> trail_;
-  std::string title_;
+  std::string participant_, trial_;  // in words
   ros::Time last_transform_;
 };
 }  // namespace phri_sim

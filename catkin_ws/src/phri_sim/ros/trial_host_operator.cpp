@@ -114,7 +114,7 @@ Reply TrialHost::stop()
 
 Reply TrialHost::clearFault()
 {
-  return ask("asked for; it acts once the cause has been gone for 1 s and all is at rest",
+  return ask("asked for; ignored unless the cause has been gone for 1 s and all is at rest",
              [](phri_control::InteractionLoop& loop) { loop.clearFault(); });
 }
 

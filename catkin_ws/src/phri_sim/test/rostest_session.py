@@ -125,7 +125,8 @@ class SessionTest(unittest.TestCase):
 
     def test_stopped_clock_and_frozen_nodes_change_nothing(self):
         """Row 16. The experiment node frozen: /clock stands still, nobody hangs or takes it for the end. The learner
-        frozen for longer than it may take for an answer: the trial is repeated. The numbers are as if nothing had been."""
+        frozen for longer than it may take for an answer: the trial is repeated. The numbers are as if nothing had
+        been."""
         with Session("participants:=1", f"trials:={TRIALS}", "controller:=mahalanobis", LAUNCH_OVERRIDES) as session:
             session.wait_done(1)
             for program, seconds in (("experiment_node", 2.0), ("learner_node.py", MODEL_WAIT + 1.5)):

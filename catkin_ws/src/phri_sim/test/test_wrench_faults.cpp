@@ -81,10 +81,11 @@ void record(const std::string& name, double value)
   testing::Test::RecordProperty(name, text);
 }
 
-void recordStop(const Spoiled& spoiled)
+/// Times since the last good sample [ms].
+void recordStop(const Spoiled& spoiled, int last_good)
 {
-  record("fault_ms", spoiled.first_fault - kFrom + 1);
-  record("stop_ms", spoiled.stopped - kFrom);
+  record("fault_ms", spoiled.first_fault - last_good);
+  record("stop_ms", spoiled.stopped - last_good);
   record("speed_mm_s", 1e3 * spoiled.speed_before);
   record("travel_mm", 1e3 * spoiled.travel);
 }
@@ -118,7 +119,7 @@ TEST(WrenchFaults, HundredMillisecondsOfNanAreAFault)
       if (ms < kFrom + 100)
         m.human_wrench.setConstant(bad);
     });
-    recordStop(spoiled);
+    recordStop(spoiled, kFrom - 1);
     EXPECT_EQ(spoiled.first_fault, kFrom + 20);
     EXPECT_EQ(spoiled.fault, FaultCode::WrenchStale);
     EXPECT_LT(spoiled.trial.record().velocity.norm(), 0.001);
@@ -139,7 +140,7 @@ TEST(WrenchFaults, AStoppedSensorIsAFault)
     m.stamp_ns = last.stamp_ns;
     m.sequence = last.sequence;
   });
-  recordStop(spoiled);
+  recordStop(spoiled, kFrom);
   EXPECT_EQ(spoiled.first_fault, kFrom + 21) << "the sample of 3.000 s was the last good one";
   const double tau = 90.0 / (4.0 * 200.0);
   EXPECT_LT(spoiled.travel, spoiled.speed_before * (0.020 + 5 * tau));
@@ -200,7 +201,7 @@ TEST(WrenchFaults, AnotherFrameIsAFaultAtOnce)
       m.human_wrench *= -100.0;
     }
   });
-  recordStop(spoiled);
+  recordStop(spoiled, kFrom + 9);
   EXPECT_EQ(spoiled.first_fault, kFrom + 10);
   EXPECT_EQ(spoiled.fault, FaultCode::WrenchFrame);
   // what remains is the braking of four times the damping
