@@ -249,6 +249,8 @@ class Checkout:
         for match in re.finditer(r"<(\w*depend)\b[^>]*>\s*([^<\s]+)\s*<", text):
             key = match[2]
             library = key if key.startswith("phri_") else KEYS.get(key, "messages" if key.endswith("_msgs") else None)
+            if (match[1], library) == ("exec_depend", "phri_rviz"):
+                continue  # a launch file starts rviz with it
             if library is not None and library not in seen:
                 if not (match[1] == "test_depend" and library in ("ros", "messages")):
                     self.refuse(path, line_of(text, match.start()), library, f"{match[1]} {key}")

@@ -22,26 +22,26 @@ def test_parameter_reference_is_current():
     assert page.endswith(phri_sim.parameter_reference()), "docs/parameters.md is old: run scripts/write_parameters.py"
 
 
-class AnyNumber(dict):
+MARK = "\x00"
+
+
+class Anything(dict):
     """Has a value for every field."""
 
     def __contains__(self, _):
         return True
 
     def get(self, *_):
-        return "0"
-
-
-def numbers_masked(text):
-    return re.sub(r"-?\d+(\.\d+)?(e[+-]?\d+)?", "0", text)
+        return MARK
 
 
 def test_fault_page_is_what_its_source_says():
-    """But for the numbers, which belong to the last run of the tests."""
+    """But for what was measured, which belongs to the last run of the tests."""
     description = yaml.safe_load((DOCS / "faults.yaml").read_text())
-    text, missing = write_faults.page(description, AnyNumber())
+    text, missing = write_faults.page(description, Anything())
     assert not missing
-    assert numbers_masked((DOCS / "faults.md").read_text()) == numbers_masked(text), "run scripts/write_faults.py"
+    pattern = "[^|]+".join(map(re.escape, text.split(MARK)))
+    assert re.fullmatch(pattern, (DOCS / "faults.md").read_text()), "run scripts/write_faults.py"
 
 
 def test_every_fault_has_a_test_that_exists():

@@ -88,6 +88,7 @@ class Learner:
         self.demonstrations = Demonstrations(settings["store"])
         self.hmm = self.model = None
         self.samples, self.whole, self.announced = [], False, None
+        self.aborted = rospy.Time(0)  # session time up to which all observations are of aborted trials
         self.exit_code, self.error = 0, ""
         if settings["model_path"] and os.path.exists(settings["model_path"]):
             self.use(phri_learning.TimeHmm.from_json(settings["model_path"]))
@@ -128,6 +129,8 @@ class Learner:
 
     def on_observation(self, message):
         with self.lock:
+            if message.header.stamp < self.aborted:
+                return  # came by its own connection after the news that its trial is worth nothing
             if message.t == 0.0:
                 self.samples, self.whole, self.announced = [], True, None
                 if self.model:
@@ -159,6 +162,7 @@ class Learner:
                 self.announced = message.observations
                 self.end_of_trial()
             elif message.phase == Trial.ABORTED:
+                self.aborted = message.header.stamp
                 self.samples, self.whole, self.announced = [], False, None
                 self.lock.notify_all()
 

@@ -66,8 +66,9 @@ void InteractionPanel::buildLayout()
 
   auto* buttons = new QHBoxLayout;
   buttons->setSpacing(4);
-  start_ = addButton("startButton", "Start", "start", "assistance on");
-  stop_ = addButton("stopButton", "Stop", "stop", "assistance off; the object stays free to move");
+  start_ = addButton("startButton", "Start", "start",
+                     "go on: the object follows the hand, the robot assists as soon as it predicts");
+  stop_ = addButton("stopButton", "Stop", "stop", "the object holds still (IDLE)");
   clear_fault_ = addButton("clearFaultButton", "Clear fault", "clear_fault",
                            "leave FAULT, once the cause is gone and everything is at rest");
   reset_ = addButton("resetButton", "Restart trial", "reset", "end the running trial; it begins again");

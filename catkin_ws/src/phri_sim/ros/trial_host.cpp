@@ -31,11 +31,11 @@ TrialHost::TrialHost(ros::NodeHandle& node, ros::NodeHandle& private_node, const
     names_(node, private_node),
     live_(node, private_node, setup.experiment, ros::Time().fromNSec(kSessionStart)),
     inbox_(node, names_.prediction),
-    hands_(makeHandSource(setup.settings.human, setup.settings.hand, setup.experiment->loop, node, private_node,
-                          actions())),
     observations_(node.advertise<phri_msgs::Observation>("observation", kObservationQueue)),
     trials_(node.advertise<phri_msgs::Trial>("trial", 10, true)),
-    session_ns_(kSessionStart)
+    session_ns_(kSessionStart),
+    hands_(makeHandSource(setup.settings.human, setup.settings.hand, setup.experiment->loop, node, private_node,
+                          actions()))
 {
 }
 
@@ -133,8 +133,6 @@ void TrialHost::conduct(const phri_msgs::RunTrialRequest& request, TrialSpec spe
     waitForModel();
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (!chosen_.empty())
-      spec.controller = chosen_;
     changes_.clear();
     status_ = HostStatus();
     status_.running = true;
@@ -144,6 +142,8 @@ void TrialHost::conduct(const phri_msgs::RunTrialRequest& request, TrialSpec spe
   if (hands_)
     waitForHand(spec);
   const NodeSetup setup = inForce();
+  if (hands_ && !runningController().empty())
+    spec.controller = runningController();
   Trial trial(setup.experiment, spec, hands_ ? hands_->hand(spec) : nullptr);
   std::unique_ptr<Recorder> recorder;
   if (!request.bag_dir.empty())
@@ -151,16 +151,13 @@ void TrialHost::conduct(const phri_msgs::RunTrialRequest& request, TrialSpec spe
         request.bag_dir, (request.bag_prefix.empty() ? setup.experiment->name : request.bag_prefix) + "_p" +
                              std::to_string(spec.participant) + "_" + spec.controller + "_t" +
                              std::to_string(spec.trial));
-  TrialOutput output(live_, names_, std::move(recorder), spec, *setup_.experiment->scene, trial.obstacles(),
+  TrialOutput output(live_, names_, std::move(recorder), spec, *setup.experiment->scene, trial.obstacles(),
                      sessionTime());
   Run run{ trial, output, bool(request.use_model) };
   output.metadata(metadata(setup, spec, false, 0, {}), output.stamp(0));
   announce(spec, phri_msgs::Trial::STARTED, false, 0);
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    trial_ = &trial;
-    response.controller = spec.controller;
-  }
+  response.controller = spec.controller;
+  enter(trial, *setup.experiment);
   const auto leave = [&] {
     const std::lock_guard<std::mutex> lock(mutex_);
     trial_ = nullptr;

@@ -111,6 +111,7 @@ private:
   std::vector<Change> changes() const;
   void changed(const std::string& what);
   OperatorActions actions();
+  void enter(Trial& trial, const Experiment& experiment);
   Reply ask(const std::string& done, const std::function<void(phri_control::InteractionLoop&)>& request);
   bool interrupted() const { return abort_ || !ros::ok(); }
   ros::Time sessionTime() const;
@@ -119,7 +120,6 @@ private:
   TopicNames names_;
   LiveView live_;
   PredictionInbox inbox_;
-  std::unique_ptr<HandSource> hands_;  // null: a simulated hand
   ros::Publisher observations_, trials_;
   std::atomic<std::int64_t> session_ns_;
   std::atomic<bool> abort_{ false }, waiting_{ false }, start_asked_{ false };
@@ -131,5 +131,7 @@ private:
   HostStatus status_;
   std::string chosen_;           // controller that a real person chose; empty: the one asked for
   std::vector<Change> changes_;  // of the running trial
+
+  std::unique_ptr<HandSource> hands_;  // null: a simulated hand. Last, because its thread calls everything above
 };
 }  // namespace phri_sim

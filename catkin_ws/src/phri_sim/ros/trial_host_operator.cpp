@@ -69,6 +69,24 @@ void TrialHost::waitForHand(const TrialSpec& spec)
     throw Interrupted("aborted while waiting for the hand");
 }
 
+/// From here on requests reach the trial; those that came while it was made are made up for.
+void TrialHost::enter(Trial& trial, const Experiment& experiment)
+{
+  const std::lock_guard<std::mutex> lock(mutex_);
+  trial_ = &trial;
+  if (setup_.experiment.get() != &experiment)
+  {
+    trial.planner().retune(setup_.experiment->assistance);
+    trial.loop().render(setup_.experiment->loop.mass, setup_.experiment->loop.damping);
+    changed("tuned while the trial was made");
+  }
+  if (!chosen_.empty() && chosen_ != trial.planner().controller())
+  {
+    trial.planner().select(chosen_);
+    changed("controller = " + chosen_);
+  }
+}
+
 void TrialHost::show(const phri_control::TickRecord& record, const std::string& text, const ros::Time& stamp)
 {
   const auto now = std::chrono::steady_clock::now();

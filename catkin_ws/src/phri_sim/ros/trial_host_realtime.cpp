@@ -60,7 +60,7 @@ void TrialHost::realtime(Run& run)
     }
   });
 
-  const std::int64_t period_ns = std::llround(setup_.experiment->model.dt * 1e9);
+  const std::int64_t period_ns = std::llround(run.trial.experiment().model.dt * 1e9);
   std::int64_t answered_ns = 0;
   phri_control::TickRecord record;
   const auto drain = [&] {

@@ -16,7 +16,7 @@ import rosbag
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
-from phri_msgs.msg import ControllerState, Observation
+from phri_msgs.msg import ControllerState, Observation, Trial
 from phri_msgs.srv import ListControllers, RunTrial, RunTrialResponse
 from roslib.packages import find_node
 from rosgraph_msgs.msg import Clock
@@ -283,6 +283,28 @@ class ExperimentNodeTest(unittest.TestCase):
             time.sleep(0.05)
         self.assertEqual(learner.wait(1.0), 70)
         self.assertIn("observation has 3 states", learner.communicate()[1])
+
+    def test_an_observation_that_comes_after_the_end_of_its_trial_starts_none(self):
+        """Trial and observation come by different connections; a learner that was frozen may see the end first."""
+        trials = rospy.Publisher("/late/trial", Trial, queue_size=10)
+        observations = rospy.Publisher("/late/observation", Observation, queue_size=10)
+        learner = subprocess.Popen([find_node("phri_learning", "learner_node.py")[0], "__ns:=/late"])
+        try:
+            learn = service("/late/learner/learn", Trigger)
+            aborted, late = Trial(phase=Trial.ABORTED), Observation(t=0.0, state=[0.0] * 4, human_wrench=[0.0] * 2)
+            aborted.header.stamp, late.header.stamp = rospy.Time(5), rospy.Time(4)
+            trials.publish(aborted)
+            time.sleep(0.5)
+            observations.publish(late)
+            time.sleep(0.5)
+            self.assertEqual(learn().message, "no demonstration yet")
+            late.header.stamp = rospy.Time(5)  # of the next trial
+            observations.publish(late)
+            time.sleep(0.5)
+            self.assertIn("a trial is running", learn().message)
+        finally:
+            learner.terminate()
+            learner.wait(LIMIT)
 
     def test_real_time_gives_the_numbers_of_lockstep(self):
         """Without predictions, whose arrival is a matter of luck, time on the wall enters no number."""
