@@ -38,7 +38,7 @@ def cli():
 @click.option("--jobs", type=int, default=0, metavar="J", help="Bags read at once. [default: all cores]")
 def report(bags, out, title, skip_bad, jobs):
     """Reads recorded trials, prints their measures and writes a self-contained report."""
-    from . import recorded
+    from . import recorded, style
     from .bags import find_bags
 
     if jobs < 0:
@@ -47,7 +47,11 @@ def report(bags, out, title, skip_bad, jobs):
     kept = recorded.read_study(files, jobs, skip_bad, progress=sys.stderr.isatty())
     for _, error in kept.skipped:
         click.echo(f"left out: {error}", err=True)
-    _finish(kept, out or (bags[0] if bags[0].is_dir() else files[0].parent), title)
+    notes = [
+        (f"Ratings under {style.label(controller)}, 1 hindered to 6 helped", ", ".join(map(str, values)))
+        for controller, values in recorded.ratings(files)
+    ]
+    _finish(kept, out or (bags[0] if bags[0].is_dir() else files[0].parent), title, notes)
 
 
 @cli.command()

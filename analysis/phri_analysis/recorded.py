@@ -5,6 +5,7 @@ import os
 from concurrent import futures
 from pathlib import Path
 
+import yaml
 from tqdm import tqdm
 
 from . import bags
@@ -41,6 +42,21 @@ def _parts(files, jobs):
             raise AnalysisError("a reading process died; was it short of memory? try --jobs 1") from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def ratings(files: list) -> list:
+    """(controller, ratings 1 to 6 in order) of the sessions that the bags lie in, by their session.yaml; people's
+    own, of trials that need not have been recorded."""
+    given = {}
+    for folder in sorted({Path(path).parent for path in files}):
+        try:
+            session = yaml.safe_load((folder / "session.yaml").read_text())
+        except (OSError, yaml.YAMLError):
+            continue
+        entries = session.get("ratings") if isinstance(session, dict) else None
+        for entry in entries or ():
+            given.setdefault(str(entry.get("controller")), []).append(entry.get("rating"))
+    return sorted(given.items())
 
 
 def read_one(path: Path) -> Study:

@@ -175,6 +175,11 @@ def _setting(kept, table, notes):
     dropped = sum(setting.get("dropped_ticks", 0) for setting in kept.settings)
     if dropped:
         rows.append(("Ticks lost in recording", str(dropped)))
+    for setting in kept.settings:
+        changes = [f"{change['what']} at {change['t']:.2f} s" for change in setting.get("changes") or ()]
+        if changes:
+            trial = f"participant {setting['participant']}, {setting['controller']}, trial {setting['trial']}"
+            rows.append((f"Changed during {trial}", "; ".join(changes)))
     recovered = sum(setting.get("recovered", False) for setting in kept.settings)
     if recovered:
         rows.append(("Recovered recordings", f"{recovered} trials are cut off or have gaps"))

@@ -154,7 +154,7 @@ class Study:
         evaluated trial of the participant with the lowest number."""
         trial = trial_table.conform(trial)
         self.rows.append(study_table([trial]))
-        self.settings.append({key: value for key, value in trial.attrs.items() if _is_plain(value)})
+        self.settings.append({key: value for key, value in trial.attrs.items() if _is_plain(value) or key == "changes"})
         if track:
             thin = trial.iloc[::TRACK_STEP][["t", "x", "y"]].reset_index(drop=True)
             thin.attrs = dict(trial.attrs)

@@ -41,3 +41,15 @@ def test_nothing_readable_is_an_error(tmp_path):
     (tmp_path / "a.bag").write_bytes(b"no bag")
     with pytest.raises(DataError, match="none of the 1 bags"):
         recorded.read_study([tmp_path / "a.bag"], skip_bad=True)
+
+
+def test_ratings_are_found_beside_the_bags(tmp_path):
+    (tmp_path / "session.yaml").write_text(
+        "state: complete\nratings:\n- {participant: 0, controller: pd, trial: 2, rating: 5}\n"
+        "- {participant: 0, controller: lqr, trial: 2, rating: 2}\n"
+        "- {participant: 1, controller: pd, trial: 2, rating: 4}\n"
+    )
+    assert recorded.ratings([tmp_path / "a.bag", tmp_path / "b.bag"]) == [("lqr", [2]), ("pd", [5, 4])]
+    (tmp_path / "session.yaml").write_text("{broken")
+    assert recorded.ratings([tmp_path / "a.bag"]) == []
+    assert recorded.ratings([tmp_path / "nowhere" / "a.bag"]) == []

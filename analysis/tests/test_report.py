@@ -151,3 +151,18 @@ def test_every_controller_has_its_own_look():
     assert len({style.colour(name) for name in names}) == len({style.marker(name) for name in names}) == 4
     assert style.label("mine") == "mine" and style.colour("mine") == style.colour("mine")
     assert sorted(["zeta", "pd", "none", "lqr"], key=style.controller_order) == ["none", "lqr", "pd", "zeta"]
+
+
+def test_what_was_changed_while_a_trial_ran_is_said():
+    trial = synthetic.constant_trial(changes=[{"t": 1.25, "what": "pd/stiffness = 400"}])
+    kept = study.Study()
+    kept.add(trial)
+    rows = dict(report._setting(kept, kept.table(), ()))
+    assert "pd/stiffness = 400 at 1.25 s" in rows.values()
+    assert not any(key.startswith("Changed") for key, _ in report._setting(untouched(), untouched().table(), ()))
+
+
+def untouched():
+    kept = study.Study()
+    kept.add(synthetic.constant_trial())
+    return kept
