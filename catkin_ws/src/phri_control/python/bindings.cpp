@@ -1,78 +1,15 @@
 // Module `phri_control`: optimal control and assistance. Types that cross modules come from module `phri_core`.
-#include <pybind11/eigen.h>
-#include <pybind11/numpy.h>
-#include <pybind11/pybind11.h>
-#include <pybind11/stl.h>
-
-#include <optional>
-
+#include "arrays.hpp"
 #include "phri_control/assistance.hpp"
 #include "phri_control/lq_solver.hpp"
 
-namespace py = pybind11;
 using namespace phri_control;
+using namespace phri_control::python;
 
 namespace
 {
-using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
 using Problem = LinearQuadraticProblem<>;
 using Solution = LqSolution<>;
-
-std::string shapeOf(const Array& array)
-{
-  std::string text = "(";
-  for (py::ssize_t i = 0; i < array.ndim(); ++i)
-    text += (i ? ", " : "") + std::to_string(array.shape(i));
-  return text + ")";
-}
-
-/// One matrix per leading index of `array`, or a single one if `array` has no leading index. A vector counts as a
-/// column.
-class Stack
-{
-public:
-  Stack(const std::string& name, const Array& array, bool vectors) : name_(name), array_(array), vectors_(vectors)
-  {
-    const py::ssize_t single = vectors ? 1 : 2;
-    if (array.ndim() != single && array.ndim() != single + 1)
-      throw py::value_error(name + " has shape " + shapeOf(array) + ", expected " +
-                            (vectors ? "(n,) or (T, n)" : "(n, m) or (T, n, m)"));
-    stacked_ = array.ndim() == single + 1;
-    count_ = stacked_ ? array.shape(0) : 1;
-    rows_ = array.shape(stacked_ ? 1 : 0);
-    cols_ = vectors ? 1 : array.shape(stacked_ ? 2 : 1);
-  }
-
-  Eigen::MatrixXd at(py::ssize_t k) const
-  {
-    using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    return Eigen::Map<const RowMajor>(array_.data() + (stacked_ ? k : 0) * rows_ * cols_, rows_, cols_);
-  }
-  std::vector<Eigen::MatrixXd> all() const
-  {
-    std::vector<Eigen::MatrixXd> matrices;
-    for (py::ssize_t k = 0; k < count_; ++k)
-      matrices.push_back(at(k));
-    return matrices;
-  }
-  /// Settles the horizon: all stacks must agree with each other and with the number given.
-  void agree(std::optional<py::ssize_t>& horizon) const
-  {
-    if (stacked_ && horizon && *horizon != count_)
-      throw py::value_error(name_ + " has " + std::to_string(count_) + " stages, expected " + std::to_string(*horizon) +
-                            " as in the horizon or the other arrays");
-    if (stacked_)
-      horizon = count_;
-  }
-  py::ssize_t rows() const { return rows_; }
-  py::ssize_t cols() const { return cols_; }
-
-private:
-  std::string name_;
-  Array array_;
-  bool vectors_, stacked_ = false;
-  py::ssize_t count_ = 0, rows_ = 0, cols_ = 0;
-};
 
 Problem makeProblem(const Array& A, const Array& B, const Array& Q, const Array& R, const std::optional<Array>& q,
                     const std::optional<Array>& r, const std::optional<Array>& terminal_Q,
@@ -143,21 +80,6 @@ Solution solveOrRaise(const Problem& problem)
                                : "solve: not finite at stage " + stage;
   PyErr_SetString(PyExc_ArithmeticError, text.c_str());
   throw py::error_already_set();
-}
-
-/// The same member of every element, stacked along a new first axis: (T, rows, cols), or (T, rows) for vectors.
-template <typename Items, typename Member>
-Array stacked(const Items& items, const Member& member, bool vectors)
-{
-  const py::ssize_t count = items.size(), rows = count ? member(items[0]).rows() : 0,
-                    cols = count ? member(items[0]).cols() : 0;
-  Array array(vectors ? std::vector<py::ssize_t>{ count, rows } : std::vector<py::ssize_t>{ count, rows, cols });
-  double* out = array.mutable_data();
-  for (const auto& item : items)
-    for (py::ssize_t i = 0; i < rows; ++i)
-      for (py::ssize_t j = 0; j < cols; ++j)
-        *out++ = member(item)(i, j);
-  return array;
 }
 
 void requireDof(const std::string& name, Eigen::Index size, Eigen::Index most)
@@ -239,20 +161,8 @@ void bindLq(py::module_& m)
           "names of the noise sources");
 
   py::class_<Solution>(m, "LqSolution", "Policy u = gains[k] xi + feedforward[k] and its value.")
-      .def_property_readonly(
-          "gains",
-          [](const Solution& self) {
-            return stacked(
-                self.gains, [](const auto& item) -> const auto& { return item; }, false);
-          },
-          "(T, m, n)")
-      .def_property_readonly(
-          "feedforward",
-          [](const Solution& self) {
-            return stacked(
-                self.feedforward, [](const auto& item) -> const auto& { return item; }, true);
-          },
-          "(T, m)")
+      .def_property_readonly("gains", &gainsOf<Solution>, "(T, m, n)")
+      .def_property_readonly("feedforward", &feedforwardOf<Solution>, "(T, m)")
       .def(
           "value",
           [](const Solution& self, const Eigen::VectorXd& x0) {
@@ -261,8 +171,10 @@ void bindLq(py::module_& m)
           },
           py::arg("x0"), "Expected cost from state x0 (n,) of stage 0 on.");
 
-  m.def("solve", &solveOrRaise, py::arg("problem"),
-        "Minimises the expected cost. Raises ArithmeticError naming the stage at which there is no minimum.");
+  m.def(
+      "solve", [](const Problem& problem, const py::none&) { return solveOrRaise(problem); }, py::arg("problem"),
+      py::arg("attitude") = py::none(),
+      "Minimises the expected cost. Raises ArithmeticError naming the stage at which there is no minimum.");
   m.def("residual", &residual<Eigen::Dynamic, Eigen::Dynamic>, py::arg("problem"), py::arg("solution"),
         "Largest gradient of the cost in the controls, relative to its terms: 0 for an optimal policy.");
 }
@@ -349,6 +261,10 @@ PYBIND11_MODULE(phri_control, m)
   m.doc() = "Optimal control and assistance: linear-quadratic problems, feedback policies, assistive controllers.";
   py::module_::import("phri_core");
   bindLq(m);
+  bindRisk(m);
+  bindCumulants(m);
+  bindIterative(m);
+  bindPlants(m);
   bindPolicy(m);
   bindAssistance(m);
 }

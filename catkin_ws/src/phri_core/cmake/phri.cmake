@@ -1,6 +1,6 @@
 # What every package of this stack does the same way. Reaches the other packages through find_package(phri_core).
 #   phri_library(SOURCES ... LINK ...)    the package's C++ library, named as the package
-#   phri_python(LINK ...)                 python/bindings.cpp as the flat module `import <package>`
+#   phri_python(LINK ...)                 every python/*.cpp as the flat module `import <package>`
 #   phri_tests(LINK ...)                  every test/test_*.cpp as a gtest program
 #   phri_benchmarks(LINK ...)             every bench/bench_*.cpp as a program of its own
 include_guard(GLOBAL)
@@ -33,7 +33,8 @@ endmacro()
 macro(phri_python)
   find_package(Python COMPONENTS Interpreter Development.Module REQUIRED)
   find_package(pybind11 2.10 REQUIRED CONFIG)
-  pybind11_add_module(${PROJECT_NAME}_python MODULE NO_EXTRAS python/bindings.cpp)
+  file(GLOB python_sources CONFIGURE_DEPENDS python/*.cpp)
+  pybind11_add_module(${PROJECT_NAME}_python MODULE NO_EXTRAS ${python_sources})
   target_link_libraries(${PROJECT_NAME}_python PRIVATE ${PROJECT_NAME} ${ARGN})
   set_target_properties(${PROJECT_NAME}_python PROPERTIES
     OUTPUT_NAME ${PROJECT_NAME}
