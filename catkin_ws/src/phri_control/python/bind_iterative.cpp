@@ -183,10 +183,6 @@ const auto kSame = [](const auto& item) -> const auto&
 };
 }  // namespace
 
-namespace phri_control::python
-{
-}
-
 void phri_control::python::bindIterative(py::module_& m)
 {
   py::class_<Result>(m, "IterativeResult",

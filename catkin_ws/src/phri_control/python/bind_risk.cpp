@@ -1,5 +1,6 @@
 // Risk-sensitive control in Python: RiskSensitive, solve(problem, attitude), evaluate, theta_max, stationary_gain.
 #include "arrays.hpp"
+#include "phri_control/cumulant_evaluation.hpp"
 #include "phri_control/risk_limits.hpp"
 #include "phri_control/stationary_gain.hpp"
 
@@ -10,7 +11,26 @@ namespace
 {
 using Problem = LinearQuadraticProblem<>;
 using Evaluation = RiskEvaluation<>;
-using Solution = RiskSolution<>;
+
+/// A solution that can be asked for its cumulants.
+struct Solution : RiskSolution<>
+{
+  Problem problem;
+};
+
+Solution solveKeeping(const Problem& problem, const RiskSensitive& attitude)
+{
+  Solution solution;
+  static_cast<RiskSolution<>&>(solution) = solve(problem, attitude);
+  solution.problem = problem;
+  return solution;
+}
+
+Eigen::MatrixXd cumulantsOf(const Solution& self, const Eigen::VectorXd& x0, int count)
+{
+  phri_core::requireShape("x0", x0, self.problem.stateSize(), 1);
+  return evaluateCumulants(self.problem, count, self.gains, self.feedforward).cumulants(x0);
+}
 
 constexpr const char* kKinds[] = { "none", "expectation", "hessian", "not finite" };
 
@@ -112,12 +132,12 @@ void phri_control::python::bindRisk(py::module_& m)
       .def("values", &valuesAt, py::arg("x0"), "The same per source; of a problem without noise, its cost.");
   py::class_<Solution, Evaluation>(m, "RiskSolution", "Policy u = gains[k] xi + feedforward[k] and its value.")
       .def_property_readonly("gains", &gainsOf<Solution>, "(T, m, n)")
-      .def_property_readonly("feedforward", &feedforwardOf<Solution>, "(T, m)");
+      .def_property_readonly("feedforward", &feedforwardOf<Solution>, "(T, m)")
+      .def("cumulants", &cumulantsOf, py::arg("x0"), py::arg("K"),
+           "(S, K): kappa_1 .. kappa_K of J under each source alone, from state x0 (n,).");
 
-  m.def(
-      "solve", [](const Problem& problem, const RiskSensitive& attitude) { return solve(problem, attitude); },
-      py::arg("problem"), py::arg("attitude"),
-      "Minimises the risk-sensitive criterion. Raises RiskBreakdown where there is no policy.");
+  m.def("solve", &solveKeeping, py::arg("problem"), py::arg("attitude"),
+        "Minimises the risk-sensitive criterion. Raises RiskBreakdown where there is no policy.");
   m.def("evaluate", &evaluateArrays, py::arg("problem"), py::arg("attitude"), py::arg("gains"), py::arg("feedforward"),
         "Value of the policy gains (T, m, n), feedforward (T, m). Raises RiskBreakdown where it is infinite.");
   m.def("theta_max", &thetaMax<Eigen::Dynamic, Eigen::Dynamic>, py::arg("problem"), py::arg("source") = 0,

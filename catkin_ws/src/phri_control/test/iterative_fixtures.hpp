@@ -4,20 +4,19 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <memory>
-#include <random>
 
 #include "phri_control/optimal_control_problem.hpp"
+#include "phri_core/random.hpp"
 
 namespace fixtures
 {
 using namespace phri_control;
 
-inline Eigen::MatrixXd gaussian(std::mt19937_64& rng, Eigen::Index rows, Eigen::Index cols)
+inline Eigen::MatrixXd gaussian(phri_core::Random& rng, Eigen::Index rows, Eigen::Index cols)
 {
-  std::normal_distribution<double> normal;
   Eigen::MatrixXd matrix(rows, cols);
   for (double& element : matrix.reshaped())
-    element = normal(rng);
+    element = rng.normal();
   return matrix;
 }
 
@@ -32,7 +31,7 @@ struct Linear : Dynamics<3, 2>, CostFunction<3, 2>
   CostExpansion<3, 2> h = CostExpansion<3, 2>::zero();
   LqTerminal<3> end = LqTerminal<3>::zero();
 
-  Linear(std::mt19937_64& rng, bool cross)
+  Linear(phri_core::Random& rng, bool cross)
   {
     A = Eigen::Matrix3d::Identity() + 0.2 * gaussian(rng, 3, 3);
     B = gaussian(rng, 3, 2);

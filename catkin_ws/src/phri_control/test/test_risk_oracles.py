@@ -182,3 +182,18 @@ def test_silent_noise_has_no_limit():
     problem = phri_control.LinearQuadraticProblem(**p)
     problem.add_noise("silent", covariance=np.zeros((3, 3)))
     assert phri_control.theta_max(problem) == math.inf
+
+
+def test_cumulants_of_a_risk_sensitive_policy_are_the_series_of_its_value():
+    """V(theta) of a FIXED policy is sum theta^(r-1) / r! kappa_r; so is the value of the solution's own policy."""
+    problem = phri_control.LinearQuadraticProblem(
+        np.array([[1.0, 0.1], [0.0, 0.9]]), np.array([[0.0], [0.1]]), np.eye(2), np.eye(1), terminal_Q=np.eye(2),
+        horizon=20)
+    problem.add_noise("force", covariance=np.diag([0.0, 1e-3]))
+    theta, x0 = 0.5, np.array([0.3, -0.2])
+    solution = phri_control.solve(problem, phri_control.RiskSensitive([theta]))
+    kappa = solution.cumulants(x0, 8)[0]
+    factorial = np.cumprod(np.arange(1, 9))
+    series = np.sum(theta ** np.arange(8) / factorial * kappa)
+    assert abs(series - solution.value(x0)) < 1e-10 * abs(series)
+    assert kappa[1] > 1e-4 * kappa[0], "no spread: the test would prove nothing"
