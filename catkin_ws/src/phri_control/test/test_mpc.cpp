@@ -101,6 +101,27 @@ TEST(Mpc, WarmStartNeedsFewerIterationsThanCold)
   EXPECT_LT(2 * warm, cold * 2 - 9);  // fewer on average, by more than one in two plans
 }
 
+// Eight samples later on the plan itself, the plan shifted by eight is nearer to the new optimum than the plan as it
+// was.
+TEST(Mpc, TheLastPlanIsShiftedInTime)
+{
+  const OptimalControlProblem<4, 2> problem = fixtures::passBy();
+  constexpr int kShift = 8;
+  int iterations[2];
+  for (const bool shifted : { false, true })
+  {
+    MpcOptions options;
+    options.iterations = options.passes = 200;
+    ModelPredictiveController<4, 2> controller(problem, kAverse, options);
+    ASSERT_TRUE(controller.plan(Eigen::Vector4d::Zero()));
+    const Eigen::Vector4d later = controller.result().nominal.states[kShift];
+    const auto& result = controller.plan(later, shifted ? kShift : 0);
+    ASSERT_TRUE(result) << result.message();
+    iterations[shifted] = result.iterations;
+  }
+  EXPECT_LT(iterations[true], iterations[false]);
+}
+
 TEST(Mpc, BreakdownActsRiskNeutrally)
 {
   const OptimalControlProblem<4, 2> problem = fixtures::passBy();
