@@ -99,6 +99,29 @@ Array feedforwardOf(const Solution& solution)
       solution.feedforward, [](const auto& item) -> const auto& { return item; }, true);
 }
 
+/// Gains and feedforward of a policy as `evaluate` and its like take them.
+struct PolicyStages
+{
+  std::vector<Eigen::MatrixXd> gains;
+  std::vector<Eigen::VectorXd> feedforward;
+};
+
+/// From gains (T, m, n) or (m, n), feedforward (T, m) or (m). Throws std::invalid_argument naming what does not fit.
+inline PolicyStages policyStages(std::size_t horizon, const Array& gains, const Array& feedforward)
+{
+  const Stack gain("gains", gains, false), force("feedforward", feedforward, true);
+  std::optional<py::ssize_t> count = horizon;
+  gain.agree(count);
+  force.agree(count);
+  PolicyStages stages;
+  for (std::size_t k = 0; k < horizon; ++k)
+  {
+    stages.gains.push_back(gain.at(k));
+    stages.feedforward.push_back(force.at(k));
+  }
+  return stages;
+}
+
 // what the other files of this folder add to the module
 void bindCumulants(py::module_& m);
 void bindIterative(py::module_& m);

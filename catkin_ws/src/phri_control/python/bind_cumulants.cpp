@@ -50,18 +50,8 @@ Eigen::MatrixXd cumulantsOf(const Solution& self, const Eigen::VectorXd& x0, std
 
 Values evaluateArrays(const Problem& problem, int count, const Array& gains, const Array& feedforward)
 {
-  const Stack gain("gains", gains, false), force("feedforward", feedforward, true);
-  std::optional<py::ssize_t> horizon = problem.horizon();
-  gain.agree(horizon);
-  force.agree(horizon);
-  std::vector<Eigen::MatrixXd> L;
-  std::vector<Eigen::VectorXd> l;
-  for (std::size_t k = 0; k < problem.horizon(); ++k)
-  {
-    L.push_back(gain.at(k));
-    l.push_back(force.at(k));
-  }
-  return evaluateCumulants(problem, count, L, l);
+  const PolicyStages policy = policyStages(problem.horizon(), gains, feedforward);
+  return evaluateCumulants(problem, count, policy.gains, policy.feedforward);
 }
 }  // namespace
 

@@ -64,18 +64,8 @@ std::vector<double> valuesAt(const Evaluation& self, const Eigen::VectorXd& x0)
 Evaluation evaluateArrays(const Problem& problem, const RiskSensitive& attitude, const Array& gains,
                           const Array& feedforward)
 {
-  const Stack gain("gains", gains, false), force("feedforward", feedforward, true);
-  std::optional<py::ssize_t> horizon = problem.horizon();
-  gain.agree(horizon);
-  force.agree(horizon);
-  std::vector<Eigen::MatrixXd> L;
-  std::vector<Eigen::VectorXd> l;
-  for (std::size_t k = 0; k < problem.horizon(); ++k)
-  {
-    L.push_back(gain.at(k));
-    l.push_back(force.at(k));
-  }
-  return evaluate(problem, attitude, L, l);
+  const PolicyStages policy = policyStages(problem.horizon(), gains, feedforward);
+  return evaluate(problem, attitude, policy.gains, policy.feedforward);
 }
 
 Eigen::MatrixXd stationary(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B, const Eigen::MatrixXd& Q,

@@ -48,37 +48,16 @@ private:
 };
 
 template <int N, int M>
-class ErrorCost : public CostFunction<N, M>
+class ErrorCost : public detail::SceneCost<ErrorCost<N, M>, N, M>
 {
 public:
   using typename CostFunction<N, M>::State;
-  using typename CostFunction<N, M>::Control;
-
-  explicit ErrorCost(const PlanarScene& scene)
-    : pairs_(detail::pairCosts(scene)), control_weight_(scene.control_weight), dt_(scene.dt)
-  {
-  }
-  double running(int, const State& x, const Control& u) const override
-  {
-    return dt_ * (stateValue(x, true) + 0.5 * u.dot(control_weight_ * u));
-  }
-  double terminal(const State& x) const override { return stateValue(x, false); }
-  void expand(int, const State& x, const Control& u, CostExpansion<N, M>& out) const override
-  {
-    out.q0 = dt_ * (expandState(x, true, out.q, out.Q) + 0.5 * u.dot(control_weight_ * u));
-    out.q *= dt_;
-    out.Q *= dt_;
-    out.r = dt_ * (control_weight_ * u);
-    out.R = dt_ * control_weight_;
-    out.S.setZero();
-    out.has_cross = false;
-  }
-  void expandTerminal(const State& x, LqTerminal<N>& out) const override
-  {
-    out.q0 = expandState(x, false, out.q, out.Q);
-  }
+  using detail::SceneCost<ErrorCost<N, M>, N, M>::SceneCost;
 
 private:
+  friend detail::SceneCost<ErrorCost<N, M>, N, M>;
+  using detail::SceneCost<ErrorCost<N, M>, N, M>::pairs_;
+
   double stateValue(const State& x, bool running) const
   {
     double sum = 0.0;
@@ -101,10 +80,6 @@ private:
     }
     return sum;
   }
-
-  std::vector<detail::PairCost> pairs_;
-  Eigen::Matrix2d control_weight_;
-  double dt_;
 };
 
 [[noreturn]] void notMarkov(const PlanarScene& scene, const std::string& why)

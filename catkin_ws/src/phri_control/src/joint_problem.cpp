@@ -81,14 +81,13 @@ private:
 };
 
 template <int N, int M>
-class JointCost : public CostFunction<N, M>
+class JointCost : public detail::SceneCost<JointCost<N, M>, N, M>
 {
 public:
   using typename CostFunction<N, M>::State;
-  using typename CostFunction<N, M>::Control;
 
   explicit JointCost(const PlanarScene& scene)
-    : bodies_(bodiesOf(scene)), pairs_(detail::pairCosts(scene)), control_weight_(scene.control_weight), dt_(scene.dt)
+    : detail::SceneCost<JointCost<N, M>, N, M>(scene), bodies_(bodiesOf(scene))
   {
     for (const StaticGoal& goal : scene.static_goals)
       goals_.push_back(goal.belief.riskSensitive(goal.theta));
@@ -97,28 +96,10 @@ public:
         bumps_.push_back(bump);
   }
 
-  double running(int, const State& z, const Control& u) const override
-  {
-    return dt_ * (stateValue(z, true) + 0.5 * u.dot(control_weight_ * u));
-  }
-  double terminal(const State& z) const override { return stateValue(z, false); }
-
-  void expand(int, const State& z, const Control& u, CostExpansion<N, M>& out) const override
-  {
-    out.q0 = dt_ * (expandState(z, true, out.q, out.Q) + 0.5 * u.dot(control_weight_ * u));
-    out.q *= dt_;
-    out.Q *= dt_;
-    out.r = dt_ * (control_weight_ * u);
-    out.R = dt_ * control_weight_;
-    out.S.setZero();
-    out.has_cross = false;
-  }
-  void expandTerminal(const State& z, LqTerminal<N>& out) const override
-  {
-    out.q0 = expandState(z, false, out.q, out.Q);
-  }
-
 private:
+  friend detail::SceneCost<JointCost<N, M>, N, M>;
+  using detail::SceneCost<JointCost<N, M>, N, M>::pairs_;
+
   Eigen::Vector4d motionOf(const Body& body, const State& z) const
   {
     const PlantState x = z.segment(body.offset, body.size);
@@ -213,11 +194,8 @@ private:
   }
 
   std::vector<Body> bodies_;
-  std::vector<PairCost> pairs_;
   std::vector<Quadratic> goals_;
   std::vector<Bump> bumps_;
-  Eigen::Matrix2d control_weight_;
-  double dt_;
 };
 
 }  // namespace

@@ -57,6 +57,48 @@ inline std::vector<PairCost> pairCosts(const PlanarScene& scene)
   return pairs;
 }
 
+/// Running cost dt (state cost + 1/2 u'R u) and terminal cost of a scene. `Derived` has
+///   double stateValue(state, running) const, double expandState(state, running, gradient, hessian) const.
+template <typename Derived, int N, int M>
+class SceneCost : public CostFunction<N, M>
+{
+public:
+  using typename CostFunction<N, M>::State;
+  using typename CostFunction<N, M>::Control;
+
+  explicit SceneCost(const PlanarScene& scene)
+    : pairs_(pairCosts(scene)), control_weight_(scene.control_weight), dt_(scene.dt)
+  {
+  }
+  double running(int, const State& x, const Control& u) const override
+  {
+    return dt_ * (derived().stateValue(x, true) + 0.5 * u.dot(control_weight_ * u));
+  }
+  double terminal(const State& x) const override { return derived().stateValue(x, false); }
+  void expand(int, const State& x, const Control& u, CostExpansion<N, M>& out) const override
+  {
+    out.q0 = dt_ * (derived().expandState(x, true, out.q, out.Q) + 0.5 * u.dot(control_weight_ * u));
+    out.q *= dt_;
+    out.Q *= dt_;
+    out.r = dt_ * (control_weight_ * u);
+    out.R = dt_ * control_weight_;
+    out.S.setZero();
+    out.has_cross = false;
+  }
+  void expandTerminal(const State& x, LqTerminal<N>& out) const override
+  {
+    out.q0 = derived().expandState(x, false, out.q, out.Q);
+  }
+
+protected:
+  std::vector<PairCost> pairs_;
+
+private:
+  const Derived& derived() const { return static_cast<const Derived&>(*this); }
+  Eigen::Matrix2d control_weight_;
+  double dt_;
+};
+
 template <int N, int M>
 void requireSize(const PlanarScene& scene, Eigen::Index size)
 {
