@@ -95,6 +95,7 @@ def play(rviz, folder):
     rospy.init_node("rviz_demo", anonymous=True, disable_signals=True)
     person = Person()
     rviz.wait("messageLabel", "drag the handle to start")
+    rviz.do("pause", 2)  # for the first pictures to be drawn
     rviz.do("screenshot", folder / "waiting.png")
 
     person.go()

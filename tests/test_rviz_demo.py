@@ -34,4 +34,5 @@ def test_a_person_drags_tunes_and_rates(tmp_path):
         metadata = [yaml.safe_load(m.data) for _, m, _ in bag.read_messages(topics="/phri/metadata")][-1]
         states = [m.state for _, m, _ in bag.read_messages(topics="/phri/experiment_node/state")]
     assert [change["what"] for change in metadata["changes"]] == ["controller = pd", "pd/stiffness = 400"]
+    assert not metadata["evaluated"] and session["bags"][1]["changed"], "a switched trial counts for its controller"
     assert "ACTIVE" in states and "IDLE" in states, "the robot assisted, and was stopped"

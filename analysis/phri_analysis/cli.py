@@ -1,7 +1,7 @@
 """Command line: `phri-analysis report|check|recover|lateness BAGS...` and `phri-analysis simulate EXPERIMENT`.
 
 Errors are one line on stderr. Exit codes (sysexits.h): 0 done, 64 usage, 65 bad data, 66 missing input, 70 internal
-error, 74 cannot write.
+error, 74 cannot write, 78 bad configuration.
 """
 
 import sys
@@ -47,10 +47,10 @@ def report(bags, out, title, skip_bad, jobs):
     kept = recorded.read_study(files, jobs, skip_bad, progress=sys.stderr.isatty())
     for _, error in kept.skipped:
         click.echo(f"left out: {error}", err=True)
-    notes = [
-        (f"Ratings under {style.label(controller)}, 1 hindered to 6 helped", ", ".join(map(str, values)))
-        for controller, values in recorded.ratings(files)
-    ]
+    notes = []
+    for controller, values in recorded.ratings(files):
+        whose = "changed trials" if controller == "changed" else style.label(controller)
+        notes.append((f"Ratings, 1 hindered to 6 helped, {whose}", ", ".join(map(str, values))))
     _finish(kept, out or (bags[0] if bags[0].is_dir() else files[0].parent), title, notes)
 
 

@@ -29,6 +29,12 @@ class MissingInputError(AnalysisError):
     exit_code = 66
 
 
+class ConfigurationError(AnalysisError):
+    """A configuration with wrong keys or values; all of them are named."""
+
+    exit_code = 78
+
+
 class OutputError(AnalysisError):
     """The result cannot be written."""
 

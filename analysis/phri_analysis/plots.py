@@ -100,7 +100,7 @@ def draw_maze(axes, attrs: dict) -> None:
         axes.add_patch(Rectangle(corner, 2e3 * half_x, 2e3 * half_y, **frame))
     if attrs.get("turning_point_x") is not None:
         axes.axvline(attrs["turning_point_x"] * 1e3, color="#888888", linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
-    for name, face in (("start", "white"), ("goal", "#2e9d4f")):
+    for name, face in (("start", "#2e9d4f"), ("goal", "#cc2121")):
         if attrs.get(name) is not None:
             x, y = attrs[name][:2]
             axes.plot(

@@ -46,7 +46,8 @@ def _parts(files, jobs):
 
 def ratings(files: list) -> list:
     """(controller, ratings 1 to 6 in order) of the sessions that the bags lie in, by their session.yaml; people's
-    own, of trials that need not have been recorded."""
+    own, of trials that need not have been recorded. Trials that were changed while they ran rate no controller: their
+    ratings stand apart, under "changed"."""
     given = {}
     for folder in sorted({Path(path).parent for path in files}):
         try:
@@ -55,7 +56,8 @@ def ratings(files: list) -> list:
             continue
         entries = session.get("ratings") if isinstance(session, dict) else None
         for entry in entries or ():
-            given.setdefault(str(entry.get("controller")), []).append(entry.get("rating"))
+            controller = "changed" if entry.get("changed") else str(entry.get("controller"))
+            given.setdefault(controller, []).append(entry.get("rating"))
     return sorted(given.items())
 
 

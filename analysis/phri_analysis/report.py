@@ -179,7 +179,7 @@ def _setting(kept, table, notes):
         changes = [f"{change['what']} at {change['t']:.2f} s" for change in setting.get("changes") or ()]
         if changes:
             trial = f"participant {setting['participant']}, {setting['controller']}, trial {setting['trial']}"
-            rows.append((f"Changed during {trial}", "; ".join(changes)))
+            rows.append((f"Changed during {trial}", "; ".join(changes) + " (speaks for no controller)"))
     recovered = sum(setting.get("recovered", False) for setting in kept.settings)
     if recovered:
         rows.append(("Recovered recordings", f"{recovered} trials are cut off or have gaps"))

@@ -22,7 +22,7 @@ from pathlib import Path
 import yaml
 from tqdm import tqdm
 
-from .errors import AnalysisError, DataError, MissingInputError, UsageError
+from .errors import AnalysisError, ConfigurationError, DataError, MissingInputError, UsageError
 from .study import Study
 
 
@@ -94,7 +94,8 @@ def plan(request: Request):
         blocks = phri_sim.schedule(experiment, request.participants or 0, request.trials or 0, seed)
     except (ValueError, RuntimeError) as error:
         text = _one_line(error)
-        kind = MissingInputError if "no such file" in text else DataError
+        wrong_keys = type(error).__name__ == "ParameterError"  # of phri_core, which may be on another machine only
+        kind = MissingInputError if "no such file" in text else ConfigurationError if wrong_keys else DataError
         raise kind(text if request.experiment in text else f"experiment {request.experiment}: {text}") from None
     return phri_sim, experiment, blocks
 

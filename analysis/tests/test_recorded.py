@@ -47,9 +47,11 @@ def test_ratings_are_found_beside_the_bags(tmp_path):
     (tmp_path / "session.yaml").write_text(
         "state: complete\nratings:\n- {participant: 0, controller: pd, trial: 2, rating: 5}\n"
         "- {participant: 0, controller: lqr, trial: 2, rating: 2}\n"
+        "- {participant: 0, controller: lqr, trial: 3, changed: true, rating: 6}\n"
         "- {participant: 1, controller: pd, trial: 2, rating: 4}\n"
     )
-    assert recorded.ratings([tmp_path / "a.bag", tmp_path / "b.bag"]) == [("lqr", [2]), ("pd", [5, 4])]
+    found = recorded.ratings([tmp_path / "a.bag", tmp_path / "b.bag"])
+    assert found == [("changed", [6]), ("lqr", [2]), ("pd", [5, 4])]
     (tmp_path / "session.yaml").write_text("{broken")
     assert recorded.ratings([tmp_path / "a.bag"]) == []
     assert recorded.ratings([tmp_path / "nowhere" / "a.bag"]) == []

@@ -158,7 +158,7 @@ def test_what_was_changed_while_a_trial_ran_is_said():
     kept = study.Study()
     kept.add(trial)
     rows = dict(report._setting(kept, kept.table(), ()))
-    assert "pd/stiffness = 400 at 1.25 s" in rows.values()
+    assert "pd/stiffness = 400 at 1.25 s (speaks for no controller)" in rows.values()
     assert not any(key.startswith("Changed") for key, _ in report._setting(untouched(), untouched().table(), ()))
 
 

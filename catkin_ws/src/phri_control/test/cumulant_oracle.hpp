@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "lq_fixtures.hpp"
 #include "phri_control/cost_cumulants.hpp"
 #include "phri_core/random.hpp"
 
@@ -15,40 +16,21 @@ using namespace phri_control;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-inline MatrixXd randomMatrix(phri_core::Random& random, Eigen::Index rows, Eigen::Index cols)
-{
-  return MatrixXd::NullaryExpr(rows, cols, [&]() { return random.normal(); });
-}
+using lq_fixtures::randomMatrix;
 
 /// Time-varying, affine, with drift; three sources: singular and time-varying, wider than the state, zero.
 template <int N, int M>
 LinearQuadraticProblem<N, M> randomProblem(std::uint64_t seed, Eigen::Index n, Eigen::Index m, int horizon = 12)
 {
   phri_core::Random random(seed);
-  const auto definite = [&](Eigen::Index size) {
-    const MatrixXd root = randomMatrix(random, size, size);
-    return MatrixXd(root * root.transpose() / double(size) + 0.1 * MatrixXd::Identity(size, size));
-  };
   LinearQuadraticProblem<N, M> problem;
   std::vector<MatrixXd> factors;
   for (int k = 0; k < horizon; ++k)
   {
-    LqStage<N, M> stage = LqStage<N, M>::zero(n, m);
-    stage.A = 0.8 * MatrixXd::Identity(n, n) + 0.15 * randomMatrix(random, n, n);
-    stage.B = randomMatrix(random, n, m);
-    stage.d = 0.3 * randomMatrix(random, n, 1);
-    stage.Q = definite(n);
-    stage.q = randomMatrix(random, n, 1);
-    stage.q0 = random.normal();
-    stage.R = definite(m);
-    stage.r = randomMatrix(random, m, 1);
-    problem.stages.push_back(stage);
+    problem.stages.push_back(lq_fixtures::randomStage<N, M>(random, n, m, 0.8, 0.15, 0.3));
     factors.push_back(0.2 * randomMatrix(random, n, 1));
   }
-  problem.terminal = LqTerminal<N>::zero(n);
-  problem.terminal.Q = definite(n);
-  problem.terminal.q = randomMatrix(random, n, 1);
-  problem.terminal.q0 = random.normal();
+  problem.terminal = lq_fixtures::randomTerminal<N>(random, n);
   problem.noise = { NoiseSource::fromFactor("varying", factors),
                     NoiseSource::fromFactor("wide", MatrixXd(0.1 * randomMatrix(random, n, n + 2))),
                     NoiseSource::fromCovariance("none", MatrixXd::Zero(n, n)) };

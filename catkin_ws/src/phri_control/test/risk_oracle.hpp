@@ -7,6 +7,7 @@
 #include <limits>
 #include <vector>
 
+#include "lq_fixtures.hpp"
 #include "phri_control/risk_limits.hpp"
 #include "phri_core/random.hpp"
 
@@ -16,16 +17,8 @@ using namespace phri_control;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-inline MatrixXd randomMatrix(phri_core::Random& random, Eigen::Index rows, Eigen::Index cols)
-{
-  return MatrixXd::NullaryExpr(rows, cols, [&]() { return random.normal(); });
-}
-
-inline MatrixXd randomDefinite(phri_core::Random& random, Eigen::Index size)
-{
-  const MatrixXd root = randomMatrix(random, size, size);
-  return root * root.transpose() / double(size) + 0.1 * MatrixXd::Identity(size, size);
-}
+using lq_fixtures::randomDefinite;
+using lq_fixtures::randomMatrix;
 
 /// Time-varying, affine, with drift and constants. Odd sources have one constant singular factor, even ones a full
 /// factor per stage.
@@ -36,21 +29,9 @@ LinearQuadraticProblem<N, M> randomProblem(phri_core::Random& random, Eigen::Ind
   LinearQuadraticProblem<N, M> problem;
   for (int k = 0; k < horizon; ++k)
   {
-    LqStage<N, M> stage = LqStage<N, M>::zero(n, m);
-    stage.A = MatrixXd::Identity(n, n) + 0.3 * randomMatrix(random, n, n);
-    stage.B = randomMatrix(random, n, m);
-    stage.d = 0.3 * randomMatrix(random, n, 1);
-    stage.Q = randomDefinite(random, n);
-    stage.q = randomMatrix(random, n, 1);
-    stage.q0 = random.normal();
-    stage.R = randomDefinite(random, m);
-    stage.r = randomMatrix(random, m, 1);
-    problem.stages.push_back(stage);
+    problem.stages.push_back(lq_fixtures::randomStage<N, M>(random, n, m, 1.0, 0.3, 0.3));
   }
-  problem.terminal = LqTerminal<N>::zero(n);
-  problem.terminal.Q = randomDefinite(random, n);
-  problem.terminal.q = randomMatrix(random, n, 1);
-  problem.terminal.q0 = random.normal();
+  problem.terminal = lq_fixtures::randomTerminal<N>(random, n);
   for (int s = 0; s < sources; ++s)
   {
     std::vector<MatrixXd> factors;

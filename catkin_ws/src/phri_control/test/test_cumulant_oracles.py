@@ -4,6 +4,7 @@ import math
 import numpy as np
 import phri_control
 import pytest
+from lq_fixtures import random_arguments
 from scipy.stats import kstat, norm
 
 # Two orders of the same sums, well-conditioned problems of some ten unknowns.
@@ -13,22 +14,7 @@ EXACT = 1e-10
 def random_problem(seed, n=3, m=2, horizon=8):
     """Arguments of a stable time-varying affine problem, and a factor of noise per source."""
     rng = np.random.default_rng(seed)
-
-    def definite(size):
-        root = rng.normal(size=(horizon, size, size))
-        return root @ root.transpose(0, 2, 1) / size + 0.1 * np.eye(size)
-
-    arguments = {
-        "A": 0.8 * np.eye(n) + 0.15 * rng.normal(size=(horizon, n, n)),
-        "B": rng.normal(size=(horizon, n, m)),
-        "Q": definite(n),
-        "R": definite(m),
-        "q": 0.5 * rng.normal(size=(horizon, n)),
-        "r": 0.5 * rng.normal(size=(horizon, m)),
-        "terminal_Q": definite(n)[0],
-        "terminal_q": rng.normal(size=n),
-        "drift": 0.3 * rng.normal(size=(horizon, n)),
-    }
+    arguments = random_arguments(rng, n, m, horizon, keep=0.8, spread=0.15, linear=0.5, drift=0.3)
     return arguments, [0.3 * rng.normal(size=(horizon, n, 1)), np.diag([0.3, 0.0, 0.2])]
 
 

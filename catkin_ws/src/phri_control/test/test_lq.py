@@ -3,6 +3,7 @@ import numpy as np
 import phri_control
 import phri_core
 import pytest
+from lq_fixtures import random_arguments
 from scipy.linalg import block_diag, solve_discrete_are
 
 # Two dense solutions of well-conditioned problems of some hundred unknowns.
@@ -10,24 +11,7 @@ EXACT = 1e-10
 
 
 def random_problem(seed, n=4, m=2, horizon=15):
-    """Arguments of a time-varying affine problem, all stacked over the stages."""
-    rng = np.random.default_rng(seed)
-
-    def definite(size):
-        root = rng.normal(size=(horizon, size, size))
-        return root @ root.transpose(0, 2, 1) / size + 0.1 * np.eye(size)
-
-    return {
-        "A": np.eye(n) + 0.3 * rng.normal(size=(horizon, n, n)),
-        "B": rng.normal(size=(horizon, n, m)),
-        "Q": definite(n),
-        "R": definite(m),
-        "q": rng.normal(size=(horizon, n)),
-        "r": rng.normal(size=(horizon, m)),
-        "terminal_Q": definite(n)[0],
-        "terminal_q": rng.normal(size=n),
-        "drift": rng.normal(size=(horizon, n)),
-    }
+    return random_arguments(np.random.default_rng(seed), n, m, horizon)
 
 
 def kkt_solution(p, x0):

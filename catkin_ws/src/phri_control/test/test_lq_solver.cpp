@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <limits>
 
+#include "lq_fixtures.hpp"
 #include "phri_control/lq_solver.hpp"
 #include "phri_core/gaussian.hpp"
 #include "phri_core/random.hpp"
@@ -18,41 +19,23 @@ namespace
 {
 constexpr double kExact = 1e-10;  // two dense factorisations of well-conditioned problems of some 50 unknowns
 
-MatrixXd randomMatrix(phri_core::Random& random, Eigen::Index rows, Eigen::Index cols)
-{
-  return MatrixXd::NullaryExpr(rows, cols, [&]() { return random.normal(); });
-}
+using lq_fixtures::randomMatrix;
 
 /// Time-varying, affine, with drift, constants and two sources of noise, one of them singular and time-varying.
 template <int N, int M>
 LinearQuadraticProblem<N, M> randomProblem(std::uint64_t seed, Eigen::Index n, Eigen::Index m, int horizon)
 {
   phri_core::Random random(seed);
-  const auto definite = [&](Eigen::Index size) {
-    const MatrixXd root = randomMatrix(random, size, size);
-    return MatrixXd(root * root.transpose() / double(size) + 0.1 * MatrixXd::Identity(size, size));
-  };
   LinearQuadraticProblem<N, M> problem;
   std::vector<MatrixXd> factors;
   for (int k = 0; k < horizon; ++k)
   {
-    LqStage<N, M> stage = LqStage<N, M>::zero(n, m);
-    stage.A = MatrixXd::Identity(n, n) + 0.3 * randomMatrix(random, n, n);
-    stage.B = randomMatrix(random, n, m);
-    stage.d = randomMatrix(random, n, 1);
-    stage.Q = definite(n);
-    stage.q = randomMatrix(random, n, 1);
-    stage.q0 = random.normal();
-    stage.R = definite(m);
-    stage.r = randomMatrix(random, m, 1);
-    problem.stages.push_back(stage);
+    problem.stages.push_back(lq_fixtures::randomStage<N, M>(random, n, m, 1.0, 0.3, 1.0));
     factors.push_back(randomMatrix(random, n, 1));
   }
-  problem.terminal = LqTerminal<N>::zero(n);
-  problem.terminal.Q = definite(n);
-  problem.terminal.q = randomMatrix(random, n, 1);
-  problem.terminal.q0 = random.normal();
-  problem.noise = { NoiseSource::fromFactor("varying", factors), NoiseSource::fromCovariance("full", definite(n)) };
+  problem.terminal = lq_fixtures::randomTerminal<N>(random, n);
+  problem.noise = { NoiseSource::fromFactor("varying", factors),
+                    NoiseSource::fromCovariance("full", lq_fixtures::randomDefinite(random, n)) };
   return problem;
 }
 

@@ -4,6 +4,7 @@ import math
 import numpy as np
 import phri_control
 import pytest
+from lq_fixtures import random_arguments
 from scipy.linalg import solve_discrete_are
 
 EXACT = 1e-10  # relative: dense solutions of well-conditioned problems of some 40 unknowns
@@ -12,22 +13,7 @@ EXACT = 1e-10  # relative: dense solutions of well-conditioned problems of some 
 def random_problem(seed, n=3, m=2, horizon=8, sources=2):
     """Arguments of a problem, and the factors (T, n, p) of its sources; the last source is singular."""
     rng = np.random.default_rng(seed)
-
-    def definite(size):
-        root = rng.normal(size=(horizon, size, size))
-        return root @ root.transpose(0, 2, 1) / size + 0.1 * np.eye(size)
-
-    arguments = {
-        "A": np.eye(n) + 0.3 * rng.normal(size=(horizon, n, n)),
-        "B": rng.normal(size=(horizon, n, m)),
-        "Q": definite(n),
-        "R": definite(m),
-        "q": rng.normal(size=(horizon, n)),
-        "r": rng.normal(size=(horizon, m)),
-        "terminal_Q": definite(n)[0],
-        "terminal_q": rng.normal(size=n),
-        "drift": 0.3 * rng.normal(size=(horizon, n)),
-    }
+    arguments = random_arguments(rng, n, m, horizon, drift=0.3)
     factors = [0.4 * rng.normal(size=(horizon, n, n if s + 1 < sources else 1)) for s in range(sources)]
     problem = phri_control.LinearQuadraticProblem(**arguments)
     for s, factor in enumerate(factors):

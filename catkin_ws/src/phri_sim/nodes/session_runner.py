@@ -197,11 +197,13 @@ class Session:
         left = (time.monotonic() - self.begin) / self.done * (self.total - self.done)
         rospy.loginfo("[%d/%d, %d:%02d left] participant %d, %s, trial %d: %s", self.done, self.total, left // 60,
                       left % 60, spec.participant, response.controller, spec.trial, response.message)
-        trial = {"participant": spec.participant, "controller": response.controller, "trial": spec.trial}
+        trial = {"participant": spec.participant, "controller": response.controller, "trial": spec.trial,
+                 "changed": response.changed}
         if response.bag:
             self.bags.append({
                 "file": os.path.basename(response.bag), "sha256": checksum(response.bag), **trial,
-                "evaluated": spec.evaluated, "completed": response.completed, "duration": round(response.duration, 6)})
+                "evaluated": spec.evaluated and not response.changed, "completed": response.completed,
+                "duration": round(response.duration, 6)})
         with self.rated:
             self.ended = trial
         self.write("running")
@@ -241,8 +243,8 @@ class Session:
                 "simulated_participants": self.settings["human"] in ("simulated", "replay"),
                 "git_revision": os.environ.get("PHRI_GIT_REVISION") or "unknown", "overrides": self.overrides,
                 "configuration": yaml.safe_load(pathlib.Path(self.experiment.path).read_text()), "bags": self.bags,
-                "ratings": [{"participant": participant, "controller": controller, "trial": trial, "rating": rating}
-                            for (participant, controller, trial), rating in self.ratings.items()],
+                "ratings": [{**dict(zip(self.ended, trial)), "rating": rating}
+                            for trial, rating in self.ratings.items()],
             }, sort_keys=False))
 
 

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "markers.hpp"
 #include "trial_messages.hpp"
 
 namespace phri_sim
@@ -40,15 +41,6 @@ Marker shape(int type, int id)
   marker.id = id;
   marker.pose.orientation.w = 1.0;
   return marker;
-}
-
-geometry_msgs::Point point(const Eigen::Vector2d& x, double z)
-{
-  geometry_msgs::Point p;
-  p.x = x(0);
-  p.y = x(1);
-  p.z = z;
-  return p;
 }
 
 MenuEntry entry(unsigned id, unsigned parent, const std::string& title)

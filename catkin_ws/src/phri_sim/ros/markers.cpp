@@ -47,15 +47,6 @@ Marker marker(const std::string& name, int id, int type, const Color& color, con
   return m;
 }
 
-geometry_msgs::Point point(const Eigen::Vector2d& x, double z)
-{
-  geometry_msgs::Point p;
-  p.x = x(0);
-  p.y = x(1);
-  p.z = z;
-  return p;
-}
-
 Marker disc(const std::string& name, int id, const Color& color, const ros::Time& stamp, const Eigen::Vector2d& x,
             double radius, double z)
 {
@@ -138,6 +129,15 @@ void addPrediction(const phri_core::Prediction& prediction, const ros::Time& sta
   out.markers.push_back(text(4, kPrediction, stamp, { 0.0, kLegendY - kLine }, line));
 }
 }  // namespace
+
+geometry_msgs::Point point(const Eigen::Vector2d& x, double z)
+{
+  geometry_msgs::Point p;
+  p.x = x(0);
+  p.y = x(1);
+  p.z = z;
+  return p;
+}
 
 MarkerArray markers(const Scene& scene, const LivePicture& picture, const ros::Time& stamp)
 {

@@ -11,6 +11,9 @@
 
 namespace phri_sim
 {
+/// x [m] in the plane of the maze, `z` [m] above it.
+geometry_msgs::Point point(const Eigen::Vector2d& x, double z);
+
 /// Everything that changes from picture to picture.
 struct LivePicture
 {

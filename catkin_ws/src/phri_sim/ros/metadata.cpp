@@ -74,7 +74,7 @@ std::string metadata(const NodeSetup& setup, const TrialSpec& spec, bool complet
     { "controller", spec.controller },
     { "trial", spec.trial },
     { "practice", spec.practice },
-    { "evaluated", spec.evaluated },
+    { "evaluated", spec.evaluated && changes.empty() },  // a changed trial speaks for no controller
     { "seed", spec.study_seed },
     { "trial_seed", spec.seed },
     { "completed", completed },

@@ -178,6 +178,7 @@ void TrialHost::conduct(const phri_msgs::RunTrialRequest& request, TrialSpec spe
   }
   leave();
   response.completed = trial.completed();
+  response.changed = !changes().empty();
   output.metadata(metadata(setup, spec, trial.completed(), int(run.failed_plans), changes()),
                   output.stamp(std::llround(response.duration * 1e9)));
   response.bag = output.finish();

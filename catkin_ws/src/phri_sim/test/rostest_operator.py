@@ -5,6 +5,7 @@ import json
 import pathlib
 import shutil
 import subprocess
+import sys
 import threading
 import time
 import unittest
@@ -20,7 +21,10 @@ from phri_msgs.msg import ControllerState
 from phri_msgs.srv import ListControllers, RunTrial, RunTrialResponse, SwitchController
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-from visualization_msgs.msg import InteractiveMarkerFeedback
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "nodes"))
+
+from drag_marker import Drag  # noqa: E402
 
 LIMIT = 30.0  # [s] for anything that should happen soon
 NEAR = 0.004  # [m] the spring pulls the object so close to a marker that stands still; friction there is none
@@ -96,34 +100,23 @@ class Sensor:
 
 
 class Mouse:
-    """What rviz sends while a marker is dragged: its pose again and again, then the end."""
+    """A mouse that holds the marker still somewhere: rviz repeats where it is."""
 
     def __init__(self, name):
-        self.publisher = rospy.Publisher(f"/{name}/hand/feedback", InteractiveMarkerFeedback, queue_size=100)
-        self.target, self.over = None, False
+        self.drag, self.target, self.over = Drag(f"/{name}"), None, False
+        assert self.drag.wait()
         threading.Thread(target=self.run, daemon=True).start()
-
-    def send(self, kind, **fields):
-        feedback = InteractiveMarkerFeedback(marker_name="hand", control_name="push", client_id="test",
-                                             event_type=kind, **fields)
-        feedback.header.frame_id = "maze"
-        if self.target is not None:
-            feedback.pose.position.x, feedback.pose.position.y = self.target
-        feedback.pose.orientation.w = 1.0
-        self.publisher.publish(feedback)
 
     def run(self):
         while not self.over:
-            if self.target is not None:
-                self.send(InteractiveMarkerFeedback.POSE_UPDATE)
+            target = self.target
+            if target is not None:
+                self.drag.move(target)
             time.sleep(0.05)
 
     def release(self):
-        self.send(InteractiveMarkerFeedback.MOUSE_UP)
-        self.target = None
-
-    def menu(self, entry):
-        self.send(InteractiveMarkerFeedback.MENU_SELECT, menu_entry_id=entry)
+        self.target, target = None, self.target
+        self.drag.release(target)
 
 
 class OperatorTest(unittest.TestCase):
@@ -196,9 +189,9 @@ class OperatorTest(unittest.TestCase):
         node.until(lambda s: s.human_force < 0.5, "released")
         self.switching(node, mouse)
         self.tuning()
-        mouse.menu(2)  # stop
+        mouse.drag.choose(2)  # stop
         node.until_state("IDLE")
-        mouse.menu(1)  # start
+        mouse.drag.choose(1)  # start
         node.until_state("PASSIVE")
         answer = node.end()
         mouse.over = True
@@ -217,7 +210,7 @@ class OperatorTest(unittest.TestCase):
         self.assertTrue(switch("mahalanobis").success)
         self.assertEqual(running().running, "mahalanobis")
         node.until(lambda s: s.controller == "mahalanobis", "the new controller in the state")
-        mouse.menu(10 + running().available.index("lqr"))
+        mouse.drag.choose(10 + running().available.index("lqr"))
         node.until(lambda s: s.controller == "lqr", "the menu's controller in the state")
 
     def tuning(self):
@@ -249,16 +242,18 @@ class OperatorTest(unittest.TestCase):
         client.close()
 
     def next_trial(self, node):
-        """What a real person chose and tuned holds for the next trial, and stands in its bag."""
+        """What a person chose or tuned, while the hand was waited for too, holds for the next trial."""
         again = Node("marker", self.folder)
         again.until_message("drag the handle to start")
+        switch = service("/marker/experiment_node/switch_controller", SwitchController)
+        self.assertTrue(switch("none").success)  # while the hand is waited for: holds for the trial that comes
         mouse = Mouse("marker")
         mouse.target = (START[0] - 0.01, START[1])
         again.until(lambda s: s.state == "PASSIVE" and s.t > 0.2, "a running trial")
         answer = again.end()
         mouse.over = True
-        self.assertEqual(answer.controller, "lqr")
-        newest = max(self.folder.glob("*_lqr_*.aborted"), key=lambda path: path.stat().st_mtime)
+        self.assertEqual(answer.controller, "none")
+        newest = max(self.folder.glob("*_none_*.aborted"), key=lambda path: path.stat().st_mtime)
         with rosbag.Bag(str(newest)) as bag:
             metadata = [json.loads(m.data) for _, m, _ in bag.read_messages(topics="/marker/metadata")]
         self.assertEqual(metadata[0]["human"], "marker")

@@ -179,18 +179,7 @@ CumulantValues<N> evaluateCumulants(const LinearQuadraticProblem<N, M>& problem,
   validate(problem);
   if (count < 1)
     throw std::invalid_argument("evaluateCumulants: count = " + std::to_string(count) + ", expected at least 1");
-  if (gains.size() != problem.horizon() || feedforward.size() != problem.horizon())
-    throw std::invalid_argument("evaluateCumulants: " + std::to_string(gains.size()) + " gains and " +
-                                std::to_string(feedforward.size()) + " feedforwards, expected " +
-                                std::to_string(problem.horizon()) + " of each (one per stage)");
-  for (std::size_t k = 0; k < gains.size(); ++k)
-  {
-    const std::string index = "[" + std::to_string(k) + "]";
-    phri_core::requireShape("gains" + index, gains[k], problem.controlSize(), problem.stateSize());
-    phri_core::requireShape("feedforward" + index, feedforward[k], problem.controlSize(), 1);
-    phri_core::requireFinite("gains" + index, gains[k]);
-    phri_core::requireFinite("feedforward" + index, feedforward[k]);
-  }
+  detail::requirePolicy(problem, gains, feedforward);
   CumulantValues<N> values;
   if (const RiskStatus status = evaluateCumulants(problem, count, gains, feedforward, values); !status)
     throw RiskBreakdown(status);

@@ -104,6 +104,25 @@ namespace detail
 void requireSymmetric(const std::string& name, const Eigen::Ref<const Eigen::MatrixXd>& value, Eigen::Index size);
 /// Throws unless `source` has one or `horizon` factors of n rows each.
 void requireNoise(const NoiseSource& source, Eigen::Index state_size, std::size_t horizon);
+
+/// Throws unless there are finite gains (m, n) and feedforwards (m), one of each per stage.
+template <int N, int M>
+void requirePolicy(const LinearQuadraticProblem<N, M>& problem, const std::vector<Eigen::Matrix<double, M, N>>& gains,
+                   const std::vector<Eigen::Matrix<double, M, 1>>& feedforward)
+{
+  if (gains.size() != problem.horizon() || feedforward.size() != problem.horizon())
+    throw std::invalid_argument("policy: " + std::to_string(gains.size()) + " gains and " +
+                                std::to_string(feedforward.size()) + " feedforwards, expected " +
+                                std::to_string(problem.horizon()) + " of each (one per stage)");
+  for (std::size_t k = 0; k < gains.size(); ++k)
+  {
+    const std::string index = "[" + std::to_string(k) + "]";
+    phri_core::requireShape("gains" + index, gains[k], problem.controlSize(), problem.stateSize());
+    phri_core::requireShape("feedforward" + index, feedforward[k], problem.controlSize(), 1);
+    phri_core::requireFinite("gains" + index, gains[k]);
+    phri_core::requireFinite("feedforward" + index, feedforward[k]);
+  }
+}
 }  // namespace detail
 
 /// Throws std::invalid_argument naming the field (such as "stages[3].B"), its value or shape, and what was expected: at

@@ -223,18 +223,7 @@ RiskEvaluation<N> evaluate(const LinearQuadraticProblem<N, M>& problem, const Ri
                            const std::vector<Eigen::Matrix<double, M, 1>>& feedforward)
 {
   validate(problem, attitude);
-  if (gains.size() != problem.horizon() || feedforward.size() != problem.horizon())
-    throw std::invalid_argument("evaluate: " + std::to_string(gains.size()) + " gains and " +
-                                std::to_string(feedforward.size()) + " feedforwards, expected " +
-                                std::to_string(problem.horizon()) + " of each (one per stage)");
-  for (std::size_t k = 0; k < gains.size(); ++k)
-  {
-    const std::string index = "[" + std::to_string(k) + "]";
-    phri_core::requireShape("gains" + index, gains[k], problem.controlSize(), problem.stateSize());
-    phri_core::requireShape("feedforward" + index, feedforward[k], problem.controlSize(), 1);
-    phri_core::requireFinite("gains" + index, gains[k]);
-    phri_core::requireFinite("feedforward" + index, feedforward[k]);
-  }
+  detail::requirePolicy(problem, gains, feedforward);
   RiskEvaluation<N> evaluation;
   if (!evaluate(problem, attitude, gains, feedforward, evaluation))
     throw RiskBreakdown(evaluation.status);
