@@ -6,7 +6,7 @@ SHELL := /bin/bash
 # release, debug or asan: what build makes and test runs
 PROFILE ?= release
 export PHRI_PROFILE := $(PROFILE)
-.PHONY: demo test check study figures bench realtime docs tidy build setup clean help
+.PHONY: demo test check study figures soak bench realtime docs tidy build setup clean help
 
 demo: build     ## set up, build, run the maze experiment (rviz when there is a display), record it, print table and report
 	@scripts/demo.sh
@@ -22,6 +22,9 @@ study: build    ## an evaluation into results/studies (STUDY=maze_assistance, ca
 
 figures: build  ## figures 4.1 to 4.10 of the thesis with CSV, setting and findings, in results/figures (ID=4.5: only these)
 	@. scripts/env.sh && phri-analysis figures --jobs 2 $(if $(ROLLOUTS),--rollouts $(ROLLOUTS)) $(ID)
+
+soak: build     ## 10^6 random problems per solver on all cores (PHRI_SOAK=10: a tenth); last line: N problems, N failed
+	@. scripts/env.sh && scripts/soak.sh
 
 bench: build    ## speed beside crocoddyl, hmmlearn, pybullet and mujoco in the same run (PEERS=no: without them)
 	@. scripts/env.sh && scripts/bench.sh

@@ -4,7 +4,7 @@ import pandas as pd
 
 from phri_analysis.errors import DataError
 
-from . import Page, _scene_findings, _scene_panels, _scene_pictures, finding
+from . import Page, _scene_findings, _scene_panels, _scene_pictures
 
 IDS = ("4.4", "4.5", "4.6", "4.7", "4.8", "4.9", "4.10")
 SEED = 44  # of the roll-outs
@@ -117,7 +117,5 @@ def _does_it_pay(table):
 
     for column, what in (("verdict", "its own criterion"), ("verdict_mean", "the mean of the true cost"),
                          ("verdict_variance", "its variance"), ("verdict_collisions", "collisions")):
-        yield finding(bool(len(asked)) and bool((asked[column] == "pays").all()),
-                      f"in roll-outs, against the neutral policy, the attitude pays in {what}",
-                      f"pays: {letters(column, 'pays')}; costs: {letters(column, 'costs')}; "
-                      f"no difference: {letters(column, 'no difference')}")
+        yield (f"simulated, against the neutral policy, {what}: better for {letters(column, 'pays')}; worse for "
+               f"{letters(column, 'costs')}; no difference for {letters(column, 'no difference')}")

@@ -106,10 +106,11 @@ def test_criterion_is_that_of_the_attitude():
 
 def test_a_table_of_policies():
     """Figure 4.4 is linear-quadratic: the averse policy is the best one of its criterion in the true cost too, and pays
-    for it in the mean. No feedback is worse than any."""
+    for it in the mean. No feedback is worse than any. At theta = 1 some 660 of 2000 runs carry the exponential mean; at
+    4 it would be two."""
     pc = pytest.importorskip("phri_control")
     scene = pc.thesis_scene("4.4").scene
-    averse, none = pc.RiskSensitive([4.0]), pc.RiskSensitive([0.0])
+    averse, none = pc.RiskSensitive([1.0]), pc.RiskSensitive([0.0])
     plain, careful = scene.solve(none), scene.solve(averse)
     lazy = SimpleNamespace(
         states=plain.states, controls=plain.controls, gains=0.0 * plain.gains, usable=True, share=1.0
@@ -127,7 +128,7 @@ def test_a_table_of_policies():
     assert row["d_mean"] == pytest.approx((runs - others).mean())
     reach = stats.norm.ppf(0.975) * (runs - others).std(ddof=1) / np.sqrt(2000)  # of a mean: the ordinary interval
     assert row["d_mean_high"] - row["d_mean"] == pytest.approx(reach)
-    wanted = np.log(np.mean(np.exp(4.0 * runs))) / 4.0
+    wanted = np.log(np.mean(np.exp(runs)))
     assert row["criterion"] == pytest.approx(wanted) and row["weight"] < 2000
 
 

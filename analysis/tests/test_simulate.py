@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from phri_analysis import simulate, study
-from phri_analysis.errors import AnalysisError, DataError, MissingInputError, UsageError
+from phri_analysis.errors import AnalysisError, ConfigurationError, DataError, MissingInputError, UsageError
 
 pytestmark = pytest.mark.filterwarnings("ignore:make_current is deprecated:DeprecationWarning")  # Debian's dask
 FAKE = str(Path(__file__).parent / "fake")
@@ -104,7 +104,7 @@ def test_settings_are_read_as_yaml(text, pair):
 
 
 def test_settings_reach_the_experiment_and_bad_ones_are_refused():
-    with pytest.raises(DataError, match="did you mean model/states"):
+    with pytest.raises(ConfigurationError, match="did you mean model/states"):
         simulate.simulate(simulate.Request("maze_assistance", settings=(("model/state", 5.0),)), progress=False)
     with pytest.raises(UsageError, match="expected KEY=VALUE"):
         simulate.setting("trials")

@@ -1,6 +1,6 @@
 // The iterative solver against the exact linear-quadratic one, against itself from other starts and derivatives,
-// against the first-order conditions of the roll-out cost (numerical gradient, no recursion), and in every way it may
-// fail.
+// against the first-order conditions of the roll-out cost (numerical gradient, no recursion). How it fails:
+// test_iterative_failures.cpp.
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
@@ -344,51 +344,4 @@ TEST(IterativeSolver, IterationAndPassBudgetsAreKept)
   IterativeOptions options = tight();
   options.max_passes = 2;
   EXPECT_EQ(solveIterative(fixtures::passBy(), kWalker, kNeutral, options).status, IterativeStatus::MaxIterations);
-}
-
-TEST(IterativeSolver, NotFiniteIsTyped)
-{
-  struct Broken : fixtures::PointMass
-  {
-    bool derivatives_only = false;
-    void step(int k, const State& x, const Control& u, State& next) const override
-    {
-      fixtures::PointMass::step(k, x, u, next);
-      if (k == 7 && !derivatives_only)
-        next(1) = std::numeric_limits<double>::quiet_NaN();
-    }
-    void linearise(int k, const State& x, const Control& u, StateMatrix& A, InputMatrix& B) const override
-    {
-      fixtures::PointMass::linearise(k, x, u, A, B);
-      if (k == 7)
-        A(0, 0) = std::numeric_limits<double>::quiet_NaN();
-    }
-  };
-  for (const bool derivatives_only : { false, true })
-  {
-    OptimalControlProblem<4, 2> problem = fixtures::passBy();
-    const auto broken = std::make_shared<Broken>();
-    broken->derivatives_only = derivatives_only;
-    problem.dynamics = broken;
-    const auto result = solveIterative(problem, kWalker, kNeutral, tight());
-    EXPECT_EQ(result.status, IterativeStatus::NotFinite);
-    EXPECT_EQ(result.risk.kind, BreakdownKind::NotFinite);
-    EXPECT_FALSE(result.usable);
-  }
-}
-
-TEST(IterativeSolver, MalformedProblemsAreNamed)
-{
-  OptimalControlProblem<4, 2> problem = fixtures::passBy();
-  EXPECT_THROW(solveIterative(problem, kWalker, Attitude(RiskSensitive{ { 0.0, 1.0 } })), std::invalid_argument);
-  EXPECT_THROW(solveIterative(problem, kWalker, Attitude(RiskSensitive{ { std::nan("") } })), std::invalid_argument);
-  EXPECT_THROW(solveIterative(problem, kWalker, Attitude(CostCumulants{ Eigen::MatrixXd::Zero(2, 1) })),
-               std::invalid_argument);
-  EXPECT_THROW(solveIterative(problem, kWalker, kNeutral, {}, std::vector<Eigen::Vector2d>(3)), std::invalid_argument);
-  problem.lower = Eigen::Vector2d(1.0, 0.0);
-  problem.upper = Eigen::Vector2d(0.0, 1.0);
-  EXPECT_THROW(solveIterative(problem, kWalker, kNeutral), std::invalid_argument);
-  problem = fixtures::passBy();
-  problem.cost.reset();
-  EXPECT_THROW(solveIterative(problem, kWalker, kNeutral), std::invalid_argument);
 }

@@ -46,16 +46,22 @@ double reach(const LinearQuadraticProblem<N, M>& problem, const RiskSensitive& a
   return most;
 }
 
-/// The value changes by more than kClose, or ceases to be, when the dynamics change by 1e-11 of themselves.
+/// The value changes by more than kClose, or ceases to be, when the numbers of the problem change by 1e-11 of
+/// themselves.
 template <int N, int M>
 bool illConditioned(LinearQuadraticProblem<N, M> problem, const RiskSensitive& attitude,
                     const RiskSolution<N, M>& solution)
 {
   Random random(1);
+  const auto change = [&](auto& matrix) {
+    matrix += 1e-11 * matrix.cwiseProduct(lq_fixtures::randomMatrix(random, matrix.rows(), matrix.cols()));
+  };
   for (LqStage<N, M>& stage : problem.stages)
   {
-    stage.A += 1e-11 * stage.A.cwiseProduct(lq_fixtures::randomMatrix(random, stage.A.rows(), stage.A.cols()));
-    stage.B += 1e-11 * stage.B.cwiseProduct(lq_fixtures::randomMatrix(random, stage.B.rows(), stage.B.cols()));
+    change(stage.A);
+    change(stage.B);
+    stage.Q *= 1.0 + 1e-11 * random.normal();
+    stage.R *= 1.0 + 1e-11 * random.normal();
   }
   RiskSolution<N, M> other;
   if (!solve(problem, attitude, other))
@@ -142,7 +148,7 @@ void riskProblem(Random& random, Eigen::Index n, Eigen::Index m, bool checked, s
     }
     if (!same)
     {
-      ASSERT_TRUE(illConditioned(problem, attitude, solution));
+      ASSERT_TRUE(given.grows || illConditioned(problem, attitude, solution));
       tally.count("ill_conditioned");
     }
   }

@@ -89,11 +89,9 @@ bool IterativeSolver<N, M>::evaluate(Iterate& iterate, bool neutral, double mu)
 {
   for (int pass = 0; pass < detail::kActiveSetPasses; ++pass)
   {
-    if (!iterate.approximation.assemble(mu))
-    {
-      iterate.risk = { BreakdownKind::Hessian, -1, -1, 0.0, 0.0 };
+    iterate.risk = iterate.approximation.assemble(mu);
+    if (!iterate.risk)
       return false;
-    }
     ++result_.passes;
     LinearQuadraticProblem<N, M>& lq = iterate.approximation.problem;
     iterate.risk = neutral ? backward_.neutral(lq, iterate.policy, iterate.criterion)

@@ -18,6 +18,7 @@
 #include <cmath>
 #include <vector>
 
+#include "phri_control/attitude.hpp"
 #include "phri_control/lq_solver.hpp"
 #include "phri_control/optimal_control_problem.hpp"
 
@@ -152,9 +153,9 @@ public:
     aim(source, nominal);
   }
 
-  /// Writes the stages: the expansion with regularisation `mu` and the pins, mixed terms removed. False if a mixed term
-  /// cannot be (R + mu I not positive definite).
-  bool assemble(double mu)
+  /// Writes the stages: the expansion with regularisation `mu` and the pins, mixed terms removed. A mixed term cannot
+  /// be where R + mu I is not positive definite (Hessian) or not finite.
+  RiskStatus assemble(double mu)
   {
     for (std::size_t k = 0; k < cost_.size(); ++k)
     {
@@ -181,7 +182,10 @@ public:
         continue;
       Eigen::Matrix<double, M, M> factor = stage.R;
       if (!detail::factorise(factor))
-        return false;
+      {
+        const BreakdownKind kind = stage.R.allFinite() ? BreakdownKind::Hessian : BreakdownKind::NotFinite;
+        return { kind, static_cast<int>(k), -1, 0.0, 0.0 };
+      }
       cross_[k] = cost.S;
       detail::solveNegative(factor, cross_[k]);  // -R^-1 S
       stage.A.noalias() += stage.B.lazyProduct(cross_[k]);
@@ -189,7 +193,7 @@ public:
       stage.Q = (0.5 * (stage.Q + stage.Q.transpose())).eval();
       stage.q.noalias() += cross_[k].transpose().lazyProduct(stage.r);
     }
-    return true;
+    return {};
   }
 
   /// Writes the stages without regularisation and pins and `policy` into `own`, as that problem sees it (without the
@@ -198,7 +202,7 @@ public:
   {
     for (signed char& pin : pinned_)
       pin *= kMuted;
-    const bool ok = assemble(0.0);
+    const bool ok = static_cast<bool>(assemble(0.0));
     for (signed char& pin : pinned_)
       pin /= kMuted;
     own = policy;
