@@ -152,7 +152,8 @@ Eigen::Index stackedSize(const LinearQuadraticProblem<N, M>& problem)
   return most;
 }
 
-/// Smallest over largest magnitude of the eigenvalues of the Hessian of a quadratic function of u, with f(u) = f(-u).
+/// The smallest eigenvalue of the Hessian of a quadratic function of u, with f(u) = f(-u), over the largest magnitude
+/// of an eigenvalue or of the function, whose rounding the differences contain.
 template <typename Function>
 double curvature(const Function& function, Eigen::Index m)
 {
@@ -166,7 +167,7 @@ double curvature(const Function& function, Eigen::Index m)
     for (Eigen::Index j = 0; j < m; ++j)
       H(i, j) = i == j ? 2.0 * diagonal(i) : function(unit(i) + unit(j)) - zero - diagonal(i) - diagonal(j);
   const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(H, Eigen::EigenvaluesOnly).eigenvalues();
-  return values.minCoeff() / std::max(1e-300, values.cwiseAbs().maxCoeff());
+  return values.minCoeff() / std::max({ 1e-300, std::abs(zero), values.cwiseAbs().maxCoeff() });
 }
 
 }  // namespace soak_problems

@@ -205,7 +205,15 @@ void expectWhole(const OptimalControlProblem<N, M>& problem, const IterativeOpti
   }
   if (options.cumulants > 0)
   {
-    ASSERT_TRUE(result.cumulants.allFinite());
+    if (!result.cumulants.allFinite())
+    {
+      ASSERT_TRUE(result.cumulants.array().isNaN().all());
+      CumulantValues<N> values;
+      ASSERT_FALSE(evaluateCumulants(approximate(problem, result.nominal), options.cumulants, result.policy.gains,
+                                     result.policy.feedforward, values))
+          << "they do not overflow";
+      tally.count("cumulants_overflow");
+    }
   }
 }
 

@@ -21,6 +21,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -150,6 +151,8 @@ RiskStatus solve(const LinearQuadraticProblem<N, M>& problem, const CostCumulant
   }
   detail::cumulantWeights(attitude, sources, CumulantWeighting::Optimal, weights);
   average();
+  if (!mean.W.allFinite() || !mean.w.allFinite() || !std::isfinite(mean.c))
+    solution.status = { BreakdownKind::NotFinite, 0, -1, 0.0, 0.0 };  // the weighted sum alone overflows
   return solution.status;
 }
 

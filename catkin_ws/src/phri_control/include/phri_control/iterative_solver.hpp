@@ -109,7 +109,7 @@ struct IterativeResult
   double max_feedforward = 0.0;
   int iterations = 0, passes = 0;
   std::vector<IterationTrace> trace;
-  Eigen::MatrixXd cumulants;  ///< (S, K) of J in the approximation, if asked for
+  Eigen::MatrixXd cumulants;  ///< (S, K) of J in the approximation, if asked for; all NaN if one overflows
 
   explicit operator bool() const { return status == IterativeStatus::Converged; }
   /// What happened, in words with numbers.

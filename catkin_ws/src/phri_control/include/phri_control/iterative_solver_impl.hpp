@@ -250,7 +250,8 @@ void IterativeSolver<N, M>::finish(Outcome outcome)
   std::copy(now_.approximation.multipliers().begin(), now_.approximation.multipliers().end(),
             result_.multipliers.begin());
   if (options_.cumulants > 0 && now_.risk && now_.approximation.assembleFor(now_.policy, next_.policy))
-    backward_.cumulants(now_.approximation.problem, options_.cumulants, next_.policy, result_.cumulants);
+    if (!backward_.cumulants(now_.approximation.problem, options_.cumulants, next_.policy, result_.cumulants))
+      result_.cumulants.setConstant(std::numeric_limits<double>::quiet_NaN());
 }
 
 template <int N, int M>
