@@ -7,11 +7,15 @@
 #include <optional>
 
 #include "phri_learning/behavior_models.hpp"
+#include "phri_learning/displacement_mixture.hpp"
 #include "phri_learning/hmm_training.hpp"
 #include "phri_learning/model_file.hpp"
 
 namespace py = pybind11;
 using namespace phri_learning;
+
+void bindPrimitives(py::module_& m);
+void bindSegmentation(py::module_& m);
 
 namespace
 {
@@ -88,6 +92,42 @@ phri_core::Gaussian predicted(const Estimator& e, const Eigen::MatrixXd& window,
   phri_core::Gaussian result;
   tracker.forecast(horizon, settings, &result);
   return result;
+}
+
+/// The scikit-learn manners around a DisplacementRegression and the mixture that runs on it.
+struct DisplacementEstimator
+{
+  DisplacementOptions options;
+  std::shared_ptr<const DisplacementRegression> model;
+  std::shared_ptr<DisplacementMixture> mixture;
+
+  DisplacementMixture& fitted() const
+  {
+    if (!mixture)
+      throw py::value_error("this DisplacementMixture is not fitted yet: call fit(demonstrations) first");
+    return *mixture;
+  }
+};
+
+/// Forecasts `horizon` [s] ahead from every sample of one movement: (T, d), (T, d, d).
+py::tuple followed(const DisplacementEstimator& e, const Eigen::MatrixXd& samples, double horizon)
+{
+  e.fitted();
+  Eigen::MatrixXd means(samples.rows(), e.model->dimension);
+  std::vector<Eigen::MatrixXd> covariances;
+  {
+    py::gil_scoped_release release;
+    DisplacementMixture mixture(e.model);
+    phri_core::Gaussian forecast;
+    for (Eigen::Index t = 0; t < samples.rows(); ++t)
+    {
+      mixture.observe(samples.row(t).transpose());
+      mixture.forecast(horizon, &forecast);
+      means.row(t) = forecast.mean;
+      covariances.push_back(forecast.covariance);
+    }
+  }
+  return py::make_tuple(means, stacked(covariances, e.model->dimension));
 }
 }  // namespace
 
@@ -220,6 +260,76 @@ PYBIND11_MODULE(phri_learning, m)
            py::arg("time") = "entry_corrected", py::arg("recognition") = "position", py::arg("adapt_pace") = false)
       .def_property_readonly("state", [](const TimeHmmModel& model) { return model.tracker().state(); });
 
+  py::class_<DisplacementEstimator>(
+      m, "DisplacementMixture",
+      "The default predictor: displacement regressed on place and motion in the states of a time-HMM, mixed with a "
+      "velocity model by recent error. Samples (d,): `axes` positions first, then companions (velocity, wrench).")
+      .def(py::init([](int axes, double dt, double horizon, int states) {
+             DisplacementEstimator e;
+             e.options.axes = axes;
+             e.options.dt = dt;
+             e.options.horizon = horizon;
+             e.options.states = states;
+             return e;
+           }),
+           py::arg("axes") = DisplacementOptions().axes, py::arg("dt") = DisplacementOptions().dt,
+           py::arg("horizon") = DisplacementOptions().horizon, py::arg("states") = DisplacementOptions().states)
+      .def(
+          "fit",
+          [](py::object self, const std::vector<Eigen::MatrixXd>& demonstrations) {
+            DisplacementEstimator& e = self.cast<DisplacementEstimator&>();
+            const DisplacementOptions options = e.options;
+            std::shared_ptr<const DisplacementRegression> model;
+            {
+              py::gil_scoped_release release;
+              model = std::make_shared<const DisplacementRegression>(trainDisplacements(demonstrations, options));
+            }
+            e.model = model;
+            e.mixture = std::make_shared<DisplacementMixture>(model);
+            return self;
+          },
+          py::arg("demonstrations"), "Learns from a list of (T_i, d) arrays sampled every dt; returns self.")
+      .def(
+          "reset", [](const DisplacementEstimator& e) { e.fitted().reset(); }, "Forgets the movement followed so far.")
+      .def(
+          "observe", [](const DisplacementEstimator& e, const Eigen::VectorXd& y) { e.fitted().observe(y); },
+          py::arg("sample"), "The next sample (d,), dt after the last one.")
+      .def(
+          "forecast",
+          [](const DisplacementEstimator& e, double horizon) {
+            phri_core::Gaussian result;
+            e.fitted().forecast(horizon, &result);
+            return py::make_tuple(result.mean, result.covariance);
+          },
+          py::arg("horizon"), "Mean (d,) and covariance (d, d) of the sample `horizon` [s] from now.")
+      .def(
+          "follow", &followed, py::arg("samples"), py::arg("horizon"),
+          "Means (T, d) and covariances (T, d, d) of the samples `horizon` [s] after each sample of a movement (T, d); "
+          "leaves the movement followed by observe() alone.")
+      .def(
+          "weights",
+          [](const DisplacementEstimator& e, double horizon) {
+            if (!e.fitted().started())
+              throw std::invalid_argument("weights: no sample observed yet, expected at least 1");
+            return e.fitted().weights(horizon);
+          },
+          py::arg("horizon"), "Weights of velocity model and local model at `horizon` [s].")
+      .def_property_readonly(
+          "length_", [](const DisplacementEstimator& e) { return e.fitted().model().recogniser->length(); },
+          "(3.10) [s]")
+      .def_property_readonly("states_", [](const DisplacementEstimator& e) { return e.fitted().model().states(); });
+
+  py::class_<DisplacementModel, phri_core::BehaviorModel, std::shared_ptr<DisplacementModel>>(
+      m, "DisplacementModel", "A fitted DisplacementMixture over [x; xdot; u_h] as a behaviour model.")
+      .def(py::init([](const DisplacementEstimator& e) {
+             e.fitted();
+             return std::make_shared<DisplacementModel>(e.model);
+           }),
+           py::arg("model"));
+
   m.def("demonstration", &demonstration, py::arg("observations"), py::arg("dof") = 2,
         "A list of observations as training data (T, 3 dof).");
+
+  bindPrimitives(m);
+  bindSegmentation(m);
 }
