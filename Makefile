@@ -6,7 +6,7 @@ SHELL := /bin/bash
 # release, debug or asan: what build makes and test runs
 PROFILE ?= release
 export PHRI_PROFILE := $(PROFILE)
-.PHONY: demo test check study bench realtime docs tidy build setup clean help
+.PHONY: demo test check study figures bench realtime docs tidy build setup clean help
 
 demo: build     ## set up, build, run the maze experiment (rviz when there is a display), record it, print table and report
 	@scripts/demo.sh
@@ -19,6 +19,9 @@ check: build    ## format, lint, launch files, layer rules; non-zero on any find
 
 study: build    ## an evaluation into results/studies (STUDY=maze_assistance, calibration or validation)
 	@. scripts/env.sh && phri-analysis study $(or $(STUDY),maze_assistance)
+
+figures: build  ## figures 4.1 to 4.10 of the thesis with CSV, setting and findings, in results/figures (ID=4.5: only these)
+	@. scripts/env.sh && phri-analysis figures --jobs 2 $(if $(ROLLOUTS),--rollouts $(ROLLOUTS)) $(ID)
 
 bench: build    ## speed beside crocoddyl, hmmlearn, pybullet and mujoco in the same run (PEERS=no: without them)
 	@. scripts/env.sh && scripts/bench.sh

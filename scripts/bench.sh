@@ -20,15 +20,19 @@ fail()
 
 buildPrograms()
 {
-  [ -f "$build/phri_sim/CMakeCache.txt" ] || fail "$build/phri_sim is not there: make build first" 66
-  local log
+  local log package
+  for package in phri_control phri_sim; do
+    [ -f "$build/$package/CMakeCache.txt" ] || fail "$build/$package is not there: make build first" 66
+  done
   log=$(mktemp)
-  # anew, because a target that CMake does not know yet does not make it look again
-  if ! { cmake "$build/phri_sim" && cmake --build "$build/phri_sim" --target benchmarks; } >"$log" 2>&1; then
-    tail -n 20 "$log" >&2
-    rm -f "$log"
-    fail "the benchmarks do not build; they need libbenchmark-dev" 70
-  fi
+  for package in phri_control phri_sim; do
+    # anew, because a target that CMake does not know yet does not make it look again
+    if ! { cmake "$build/$package" && cmake --build "$build/$package" --target benchmarks; } >"$log" 2>&1; then
+      tail -n 20 "$log" >&2
+      rm -f "$log"
+      fail "the benchmarks of $package do not build; they need libbenchmark-dev" 70
+    fi
+  done
   rm -f "$log"
 }
 
@@ -82,5 +86,5 @@ if $peers; then
   installPeers
   arguments+=(--peers "$venv/bin/python")
 fi
-exec /usr/bin/python3 "$root/scripts/bench/bench.py" --programs "$build/phri_sim/bench" \
+exec /usr/bin/python3 "$root/scripts/bench/bench.py" --build "$build" \
   --output "$root/results/$output" "${arguments[@]}"

@@ -11,14 +11,28 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 BENCH = ROOT / "scripts" / "bench"
-BUILT = pathlib.Path(os.environ.get("PHRI_BUILD", ROOT / "catkin_ws" / "build")) / "phri_sim" / "bench"
+BUILD = pathlib.Path(os.environ.get("PHRI_BUILD", ROOT / "catkin_ws" / "build"))
+BUILT = all((BUILD / package / "bench" / name).is_file()
+            for package, name in (("phri_sim", "bench_pipeline"), ("phri_control", "bench_mpc")))
+WHEEL = ROOT / ".venv" / "bench" / "bin" / "python"
 sys.path.insert(0, str(BENCH))
 import peer as peer_module  # noqa: E402
 import rows  # noqa: E402
 
-KEYS = {"name", "ours", "unit", "peer", "peer_value", "ratio", "runs", "spread", "check", "reason"}
+KEYS = {"name", "ours", "unit", "peer", "peer_value", "ratio", "aim", "met", "runs", "spread", "check",
+        "reason"}
 OURS = {
     "plan/mahalanobis": 40, "plan/lqr": 20, "plan/lqr_gains_kept": 10, "lq_solve": 15, "prediction": 25, "viterbi": 16}
+SOLVES = [{"name": f"{scene}/{quantity}", "cpu_time": 60, "steps": 3}
+          for scene in rows.SCENES for quantity in ("solve", "ileqr", "ikccr")]
+PASSES = [{"name": f"{scene}/{quantity}", "cpu_time": 4000, "stages": 200}
+          for scene in (*rows.SCENES, "mass_damper") for quantity in ("backward", "risk_backward")]
+RISK = {"lq_plain/50": 5, "lq_plain/200": 20, "lq_plain/500": 50, "risk_force_noise/1_source/200": 40,
+        "risk_force_noise/2_sources/50": 15, "risk_force_noise/2_sources/500": 180,
+        "risk_force_noise/3_sources/200": 120}
+CUMULANTS = {"Cumulants/T:50/S:2/K:2/p:4": 1000, "Cumulants/T:50/S:2/K:4/p:4": 3000,
+             "Cumulants/T:500/S:2/K:4/p:4": 30000}
+MPC = {"backward": 20, "median": 60, "p999": 150, "allocations": 0}
 TICK = {"unit": "ns", "step": {"median": 1000, "p999": 5000}, "tick": {"median": 100, "p999": 900}}
 PROGRAM = """#!/bin/bash
 case $1 in --write_case=*) echo '{}' >"${1#*=}"; exit ;; esac
@@ -82,6 +96,36 @@ def test_another_result_gets_no_ratio(wrong):
     assert one_row([10], [40], FakePeer(checks={"x": 1e-15}))["ratio"] == 4.0
 
 
+def test_an_aim_is_met_or_missed_by_what_was_measured():
+    """Beside a peer it is a least ratio, alone a largest value; a row that measured nothing has neither met nor missed
+    it, and a missed one is named."""
+    rows_of = {
+        "met": one_row([10], [40], aim=4.0),
+        "missed": one_row([10], [39], aim=4.0),
+        "unknown": one_row([10], [None], aim=4.0),
+        "another result": one_row([10], [400], FakePeer(checks={"x": 1.0}), aim=4.0),
+        "none": one_row([10], [1]),
+    }
+    assert {name: row["met"] for name, row in rows_of.items()} == {
+        "met": True, "missed": False, "unknown": None, "another result": None, "none": None}
+    assert rows.missed(rows_of.values()) == ["aim missed: x: ratio >= 4, measured 3.9"]
+    assert "ratio >= 4: missed" in rows.cells(rows_of["missed"]) and "ratio >= 4: met" in rows.cells(rows_of["met"])
+    alone = rows.Spec("x", "us", "x", aim=25.0)
+    assert rows.complete(alone, [{"x": 25.0}], {}, {})[0]["met"] is True
+    assert rows.complete(alone, [{"x": 25.1}], {}, {})[0]["met"] is False
+
+
+def test_scaling_is_per_stage_and_per_source():
+    scale = rows.scaling({**RISK, **CUMULANTS})
+    assert scale == pytest.approx({
+        "scaling_horizon_plain": 1.0,  # ten times the stages in ten times the time
+        "scaling_horizon_risk": 1.2,  # 180 over ten times 15
+        "scaling_horizon_cumulants": 1.0,
+        "scaling_source": 2.0,  # two sources more take 80, a plain pass 20
+        "scaling_cumulants": 3.0,
+    })
+
+
 def test_peer_that_misses_a_round_gets_no_ratio():
     row = one_row([10, 10], [40, None])
     assert row["peer_value"] is None and row["ratio"] is None and row["reason"] == "other did not measure x"
@@ -117,10 +161,19 @@ def test_page_has_the_markers():
 
 @pytest.fixture
 def fakes(tmp_path):
-    """Fake programs of ours, in a folder as after a build."""
-    entries = [{"name": name, "cpu_time": value} for name, value in OURS.items()]
-    entries.append({"name": "trials", "cpu_time": 100, "simulated_s": 20})
-    for name, output in (("bench_tick", TICK), ("bench_pipeline", {"benchmarks": entries})):
+    """Fake programs of ours, in folders as after a build."""
+    def entries(times, *more):
+        return {"benchmarks": [*({"name": name, "cpu_time": value} for name, value in times.items()), *more]}
+
+    for name, output in {
+        "phri_sim/bench/bench_tick": TICK,
+        "phri_sim/bench/bench_pipeline": entries(OURS, {"name": "trials", "cpu_time": 100, "simulated_s": 20}),
+        "phri_control/bench/bench_scenes": entries({}, *SOLVES, *PASSES),
+        "phri_control/bench/bench_risk": entries(RISK),
+        "phri_control/bench/bench_cumulants": entries(CUMULANTS),
+        "phri_control/bench/bench_mpc": MPC,
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         program(tmp_path / name, PROGRAM % json.dumps(output))
     return tmp_path
 
@@ -135,7 +188,7 @@ def run(folder, *arguments):
     """(exit status, bench.json or nothing, standard error)"""
     output = folder / "out" / "bench.json"
     done = subprocess.run(
-        [sys.executable, BENCH / "bench.py", "--programs", folder, "--output", output, *arguments],
+        [sys.executable, BENCH / "bench.py", "--build", folder, "--output", output, *arguments],
         capture_output=True, text=True)
     return done.returncode, json.loads(output.read_text()) if output.exists() else None, done.stderr
 
@@ -150,6 +203,10 @@ def test_without_peers_every_row_is_there_and_has_none(fakes):
     ours = {row["name"]: row["ours"] for row in result["rows"]}
     assert ours["trial_speed"] == 200.0  # 20 s in 100 ms
     assert (ours["tick_step_p999"], ours["tick_loop_median"], ours["plan_lqr"]) == (5000, 100, 20)
+    assert (ours["arm_solve"], ours["arm_iteration"], ours["arm_stage"]) == (60, 20, 20)
+    met = {row["name"]: row["met"] for row in result["rows"]}
+    assert met["mpc_backward"] and met["mpc_allocations"] and met["mpc_p999"] is False
+    assert met["arm_ileqr"] is None  # an aim beside a peer says nothing without one
 
 
 def peer_rows(result):
@@ -164,6 +221,10 @@ def test_with_peers_every_row_that_names_one_has_its_ratio(fakes):
     for row in peer_rows(result):
         expected = row["ours"] / 160 if row["name"] == "trial_speed" else 160 / row["ours"]
         assert row["ratio"] == pytest.approx(expected) and row["peer_value"] == 160
+    met = {row["name"]: row["met"] for row in result["rows"]}
+    assert met["point_mass_risk_stage"] and met["point_mass_ikccr"]  # 8 and 2.7
+    assert met["point_mass_stage"] is False and met["point_mass_ileqr"] is False  # 8 of 10, 2.7 of 3.33
+    assert met["car_stage"] is None  # no aim
 
 
 @pytest.mark.parametrize("body, checks, answer, reason", [
@@ -197,7 +258,7 @@ def test_bad_arguments_and_missing_programs(fakes, tmp_path):
     assert run(fakes, "--quick", "--docs", "page.md")[0] == 64
     status, result, errors = run(tmp_path / "nothing")
     assert status == 66 and result is None and "bench_tick is not there" in errors
-    program(fakes / "bench_tick", "#!/bin/bash\necho broken >&2\nexit 70\n")
+    program(fakes / "phri_sim" / "bench" / "bench_tick", "#!/bin/bash\necho broken >&2\nexit 70\n")
     status, result, errors = run(fakes)
     assert status == 70 and result is None and "broken" in errors
 
@@ -215,31 +276,60 @@ def test_script_refuses_what_it_does_not_understand(tmp_path, arguments, setting
     assert not (tmp_path / "venv").exists()
 
 
-@pytest.mark.skipif(not (BUILT / "bench_pipeline").is_file(), reason="the benchmarks are not built: make bench does")
+@pytest.mark.skipif(not BUILT, reason="the benchmarks are not built: make bench does")
 def test_real_programs_and_the_peer_that_needs_nothing(tmp_path):
     """Our programs check themselves when they start; numpy's Riccati recursion, in the system's Python, is an
     independent oracle for the first gains. The peers that this Python has not are missing, and say so."""
     output = tmp_path / "bench.json"
-    done = subprocess.run([sys.executable, BENCH / "bench.py", "--programs", BUILT, "--quick", "--peers",
+    done = subprocess.run([sys.executable, BENCH / "bench.py", "--build", BUILD, "--quick", "--peers",
                            "/usr/bin/python3", "--output", output], capture_output=True, text=True)
     result = json.loads(output.read_text())
     assert {row["name"] for row in result["rows"]} == {spec.name for spec in rows.ROWS}, done.stderr
     for row in result["rows"]:
-        assert set(row) == KEYS and row["ours"] > 0 and row["runs"] == 1
+        assert set(row) == KEYS and row["runs"] == 1
+        assert row["ours"] == 0 if row["name"] == "mpc_allocations" else row["ours"] > 0
         if row["peer"] and row["peer"].startswith("numpy"):
             assert row["check"] <= rows.SAME and row["ratio"] > 0 and row["reason"] is None
     assert sum(str(row["peer"]).startswith("numpy") for row in result["rows"]) == 3
 
 
-@pytest.mark.skipif(not (BUILT / "bench_pipeline").is_file(), reason="the benchmarks are not built: make bench does")
+@pytest.mark.skipif(not BUILT, reason="the benchmarks are not built: make bench does")
 def test_a_wrong_gain_of_ours_would_be_seen(tmp_path):
     """The oracle can fail: with one weight of the real problem changed, its gain is another one."""
     import peer_numpy
 
     case = tmp_path / "case.json"
-    subprocess.run([BUILT / "bench_pipeline", f"--write_case={case}"], check=True)
+    subprocess.run([BUILD / "phri_sim" / "bench" / "bench_pipeline", f"--write_case={case}"], check=True)
     problem = json.loads(case.read_text())["lq"]["mahalanobis"]
     same = peer_module.difference(peer_numpy.Riccati(problem).solve()[0], problem["gain"])
     problem["Q"][100][0][0] *= 1.001
     changed = peer_module.difference(peer_numpy.Riccati(problem).solve()[0], problem["gain"])
     assert same <= rows.SAME < changed
+
+
+@pytest.mark.skipif(not BUILT or not WHEEL.is_file(), reason="needs the built benchmarks and the peers: make bench")
+def test_crocoddyl_solves_our_scenes_to_our_result_and_would_say_if_not(tmp_path):
+    """Its C++ solvers on our plants and costs are an independent oracle for cost and gains. With the cost of one scene
+    and one gain of another changed by a millionth, exactly their rows differ."""
+    environment = {**os.environ, "PHRI_BENCH_BUILD": str(BUILD), "OMP_NUM_THREADS": "1"}
+    scenes = tmp_path / "scenes.json"
+    subprocess.run([BUILD / "phri_control" / "bench" / "bench_scenes", f"--write_case={scenes}"], check=True)
+
+    def ask(command):
+        done = subprocess.run([*command], input='{"seconds": 0.001}\n', capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+        return [json.loads(line) for line in done.stdout.splitlines()]
+
+    hello, answer = ask([WHEEL, BENCH / "peer_crocoddyl_cpp.py", tmp_path / "case.json"])
+    assert all(difference <= rows.SAME for difference in hello["checks"].values())
+    assert set(answer) == {spec.name for spec in rows.ROWS if "crocoddyl_cpp" in spec.peers}
+    assert set(hello["checks"]) == {name for name in answer if name.endswith(("_solve", "_iteration", "_stage"))
+                                    and not name.endswith("_risk_stage")}
+    ours = json.loads(scenes.read_text())
+    ours["arm"]["cost"] *= 1.0 + 1e-6
+    ours["car"]["gains"][100] += 1e-6 * max(map(abs, ours["car"]["gains"]))
+    scenes.write_text(json.dumps(ours))
+    hello, answer = ask([tmp_path / "peer_crocoddyl_cpp", scenes])
+    wrong = {name for name, difference in hello["checks"].items() if not difference <= rows.SAME}
+    assert wrong == {"arm_solve", "arm_iteration", "car_stage"}
+    assert "arm_solve" not in answer  # neither solver ends at our cost: nothing is timed

@@ -1,4 +1,5 @@
-"""Command line: `phri-analysis report|check|recover|lateness BAGS...` and `phri-analysis simulate EXPERIMENT`.
+"""Command line: `phri-analysis report|check|recover|lateness BAGS...`, `phri-analysis simulate EXPERIMENT`,
+`phri-analysis study NAME` and `phri-analysis figures [ID...]`.
 
 Errors are one line on stderr. Exit codes (sysexits.h): 0 done, 64 usage, 65 bad data, 66 missing input, 70 internal
 error, 74 cannot write, 78 bad configuration.
@@ -189,6 +190,27 @@ def study(name, people, jobs, out):
 
     options = studies.Options(out or Path("results") / "studies" / name, jobs, people, sys.stderr.isatty())
     click.echo("\n".join(studies.run(name, options)))
+
+
+@cli.command()
+@click.argument("ids", nargs=-1, metavar="[ID...]")
+@click.option(
+    "--rollouts", type=int, default=10000, show_default=True, metavar="N", help="Simulated runs of every policy."
+)
+@click.option("--jobs", type=int, default=1, show_default=True, metavar="J", help="Processes on this machine.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=None,
+    metavar="DIR",
+    help="Folder for a folder per figure and index.html. [default: results/figures]",
+)
+def figures(ids, rollouts, jobs, out):
+    """Makes the figures of the thesis anew, for instance 4.5, all if none is named: data.csv, figure.png, setting.yaml
+    and further tables each, and one page over all; prints which statements of the thesis the numbers confirm."""
+    import figures as pages
+
+    pages.run(ids, pages.Options(rollouts, jobs), out or Path("results") / "figures", click.echo)
 
 
 def _finish(kept, out, title, notes=()):

@@ -19,11 +19,19 @@ import sys
 import tempfile
 import threading
 
-from rows import ROWS, complete, table, write_docs
+from rows import ROWS, complete, missed, scaling, table, write_docs
 
 HERE = pathlib.Path(__file__).resolve().parent
-PEERS = ("numpy", "crocoddyl", "hmmlearn", "mujoco", "pybullet")
-REQUEST_LIMIT = 120  # [s] a peer that does not answer is broken
+PEERS = ("numpy", "crocoddyl", "crocoddyl_cpp", "hmmlearn", "mujoco", "pybullet")
+SIM_PROGRAMS = ("bench_tick", "bench_pipeline")
+CONTROL_PROGRAMS = ("bench_scenes", "bench_risk", "bench_cumulants", "bench_mpc")
+REQUEST_LIMIT = 600  # [s] a peer that does not answer is broken; crocoddyl_cpp compiles first
+PLANS = 5000  # of bench_mpc per round
+# what the rows need of the programs that measure more
+FILTERS = {
+    "bench_risk": "^(lq_plain/(50|200|500)|risk_force_noise/(1_source/200|2_sources/(50|500)|3_sources/200))$",
+    "bench_cumulants": "^Cumulants/(T:50/S:2/K:2/p:4|T:(50|500)/S:2/K:4/p:4)$",
+}
 # one core each, and no module of the ROS workspace, which belongs to another numpy
 QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
@@ -35,15 +43,18 @@ class Failed(Exception):
 class Peer:
     """A running peer program; `reason` says why it is of no use (any more)."""
 
-    def __init__(self, name, python, case, log):
+    def __init__(self, name, arguments, case, log):
+        python = arguments.peers
         self.name, self.reason, self.version, self.checks = name, "", name, {}
         self.log = log / f"{name}.log"
         self.process = None
-        told = pathlib.Path(python).parent.parent / "not_installed" / name  # scripts/bench.sh writes these
+        # scripts/bench.sh writes these
+        told = pathlib.Path(python).parent.parent / "not_installed" / name.removesuffix("_cpp")
         if told.is_file():
             self.reason = told.read_text(encoding="utf-8").strip()
             return
         environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+        environment["PHRI_BENCH_BUILD"] = str(arguments.build)
         try:
             with open(self.log, "w", encoding="utf-8") as errors:
                 self.process = subprocess.Popen(
@@ -100,18 +111,35 @@ def output_of(command):
     return done.stdout
 
 
-def measure_ours(programs, seconds):
-    """{quantity: value} of one round, in the units of the rows."""
-    tick = json.loads(output_of([programs / "bench_tick", 1]))
-    ours = {f"tick_{part}_{key}": tick[part][key] for part in ("step", "tick") for key in ("median", "p999")}
-    options = ["--benchmark_format=json", f"--benchmark_min_time={seconds}"]
-    for entry in json.loads(output_of([programs / "bench_pipeline", *options]))["benchmarks"]:
+def google(program, seconds):
+    """The entries that a program of Google Benchmark measured."""
+    command = [program, "--benchmark_format=json", f"--benchmark_min_time={seconds}"]
+    if program.name in FILTERS:
+        command.append(f"--benchmark_filter={FILTERS[program.name]}")
+    entries = json.loads(output_of(command))["benchmarks"]
+    for entry in entries:
         if entry.get("error_occurred"):
-            raise Failed(f"bench_pipeline: {entry['name']}: {entry['error_message']}")
+            raise Failed(f"{program.name}: {entry['name']}: {entry['error_message']}")
+    return entries
+
+
+def measure_ours(sim, control, seconds, plans):
+    """{quantity: value} of one round, in the units of the rows."""
+    tick = json.loads(output_of([sim / "bench_tick", 1]))
+    ours = {f"tick_{part}_{key}": tick[part][key] for part in ("step", "tick") for key in ("median", "p999")}
+    for entry in google(sim / "bench_pipeline", seconds):
         ours[entry["name"]] = entry["cpu_time"]
         if entry["name"] == "trials":
             ours["trial_speed"] = entry["simulated_s"] / (1e-3 * entry["cpu_time"])
-    return ours
+    for entry in google(control / "bench_scenes", seconds):
+        ours[entry["name"]] = entry["cpu_time"]
+        for part in ("step", "stage"):
+            if f"{part}s" in entry:
+                ours[f"{entry['name']}/{part}"] = entry["cpu_time"] / entry[f"{part}s"]
+    passes = {entry["name"]: entry["cpu_time"] for program in ("bench_risk", "bench_cumulants")
+              for entry in google(control / program, seconds)}
+    mpc = json.loads(output_of([control / "bench_mpc", plans]))
+    return {**ours, **scaling(passes), **{f"mpc_{key}": value for key, value in mpc.items()}}
 
 
 def machine():
@@ -132,23 +160,24 @@ def machine():
 
 
 def run(arguments):
-    programs = arguments.programs
-    for name in ("bench_tick", "bench_pipeline"):
-        if not (programs / name).is_file():
-            print(f"bench: {programs / name} is not there: scripts/bench.sh builds it", file=sys.stderr)
+    sim, control = (arguments.build / package / "bench" for package in ("phri_sim", "phri_control"))
+    for program in (*(sim / name for name in SIM_PROGRAMS), *(control / name for name in CONTROL_PROGRAMS)):
+        if not program.is_file():
+            print(f"bench: {program} is not there: scripts/bench.sh builds it", file=sys.stderr)
             return 66
     about = machine()
-    rounds, seconds = (1, 0.001) if arguments.quick else (arguments.rounds, arguments.seconds)
+    rounds, seconds, plans = (1, 0.001, 200) if arguments.quick else (arguments.rounds, arguments.seconds, PLANS)
     ours, peers, measured = [], [], {}
     with tempfile.TemporaryDirectory() as folder:
         try:
             if arguments.peers:
                 case = pathlib.Path(folder) / "case.json"
-                output_of([programs / "bench_pipeline", f"--write_case={case}"])
-                peers = [Peer(name, arguments.peers, case, pathlib.Path(folder)) for name in PEERS]
+                output_of([sim / "bench_pipeline", f"--write_case={case}"])
+                output_of([control / "bench_scenes", f"--write_case={case.with_name('scenes.json')}"])
+                peers = [Peer(name, arguments, case, pathlib.Path(folder)) for name in PEERS]
             for number in range(rounds):
                 print(f"\rbench: round {number + 1} of {rounds}", end="", file=sys.stderr, flush=True)
-                ours.append(measure_ours(programs, seconds))
+                ours.append(measure_ours(sim, control, seconds, plans))
                 for peer in peers:
                     measured.setdefault(peer.name, []).append(peer.measure(seconds))
         finally:
@@ -166,6 +195,8 @@ def run(arguments):
     arguments.output.parent.mkdir(parents=True, exist_ok=True)
     arguments.output.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     print(table(rows))
+    for line in missed(rows):
+        print(line)
     print(f"\n{arguments.output}")
     if arguments.docs:
         write_docs(arguments.docs, result)
@@ -174,7 +205,7 @@ def run(arguments):
 
 def main():
     parser = argparse.ArgumentParser(description="Our programs and their peers in interleaved rounds.")
-    parser.add_argument("--programs", type=pathlib.Path, required=True, help="folder of bench_tick, bench_pipeline")
+    parser.add_argument("--build", type=pathlib.Path, required=True, help="build space of the workspace")
     parser.add_argument("--peers", help="Python interpreter that has the peers; without: no peers")
     parser.add_argument("--output", type=pathlib.Path, required=True, help="bench.json")
     parser.add_argument("--docs", type=pathlib.Path, help="page whose table is rewritten")

@@ -9,13 +9,30 @@ BEGIN, END = "<!-- bench: begin -->", "<!-- bench: end -->"
 
 @dataclass(frozen=True)
 class Spec:
-    """`ours` and `name` are keys of what bench.py and the peers measure."""
+    """`ours` and `name` are keys of what bench.py and the peers measure. `aim`: the least ratio to a peer where the row
+    has peers, else the largest value of ours; None: no aim."""
 
     name: str
     unit: str
     ours: str
     peers: tuple = ()
     more_is_better: bool = False
+    aim: float | None = None
+
+
+SCENES = ("point_mass", "figure_4_7", "arm", "car")
+NEUTRAL = ("crocoddyl_cpp",)  # it is risk-neutral, whatever ours does
+
+
+def _scene_rows(scene):
+    return (
+        Spec(f"{scene}_solve", "us", f"{scene}/solve", NEUTRAL),
+        Spec(f"{scene}_iteration", "us", f"{scene}/solve/step", NEUTRAL),
+        Spec(f"{scene}_stage", "ns", f"{scene}/backward/stage", NEUTRAL, aim=10.0 if scene == "point_mass" else None),
+        Spec(f"{scene}_risk_stage", "ns", f"{scene}/risk_backward/stage", NEUTRAL, aim=4.0),
+        Spec(f"{scene}_ileqr", "us", f"{scene}/ileqr", NEUTRAL, aim=3.33),
+        Spec(f"{scene}_ikccr", "us", f"{scene}/ikccr", NEUTRAL, aim=1.0),
+    )
 
 
 ROWS = (
@@ -30,7 +47,36 @@ ROWS = (
     Spec("prediction", "us", "prediction", ("hmmlearn",)),
     Spec("viterbi", "us", "viterbi", ("hmmlearn",)),
     Spec("trial_speed", "simulated s/s", "trial_speed", ("mujoco", "pybullet"), more_is_better=True),
+    Spec("mass_damper_stage", "ns", "mass_damper/backward/stage", NEUTRAL, aim=18.0),
+    Spec("mass_damper_risk_stage", "ns", "mass_damper/risk_backward/stage", NEUTRAL, aim=4.0),
+    *(row for scene in SCENES for row in _scene_rows(scene)),
+    Spec("scaling_horizon_plain", "times", "scaling_horizon_plain", aim=1.1),
+    Spec("scaling_horizon_risk", "times", "scaling_horizon_risk", aim=1.1),
+    Spec("scaling_horizon_cumulants", "times", "scaling_horizon_cumulants", aim=1.1),
+    Spec("scaling_source", "times", "scaling_source", aim=1.5),
+    Spec("scaling_cumulants", "times", "scaling_cumulants", aim=2.2),
+    Spec("mpc_backward", "us", "mpc_backward", aim=25.0),
+    Spec("mpc_median", "us", "mpc_median"),
+    Spec("mpc_p999", "us", "mpc_p999", aim=100.0),
+    Spec("mpc_allocations", "allocations", "mpc_allocations", aim=0.0),
 )
+
+
+def scaling(passes):
+    """The rows scaling_* from the times of single backward passes; each is a ratio within one round."""
+    risk, cumulants = "risk_force_noise/{}/{}".format, "Cumulants/T:{}/S:2/K:{}/p:4".format
+
+    def horizon(long, short):
+        return passes[long] / 500 / (passes[short] / 50)
+
+    return {
+        "scaling_horizon_plain": horizon("lq_plain/500", "lq_plain/50"),
+        "scaling_horizon_risk": horizon(risk("2_sources", 500), risk("2_sources", 50)),
+        "scaling_horizon_cumulants": horizon(cumulants(500, 4), cumulants(50, 4)),
+        "scaling_source": (passes[risk("3_sources", 200)] - passes[risk("1_source", 200)]) / 2
+        / passes["lq_plain/200"],
+        "scaling_cumulants": passes[cumulants(50, 4)] / passes[cumulants(50, 2)],
+    }
 
 
 def ratio_of(ours, peer, more_is_better):
@@ -43,16 +89,18 @@ def spread_of(values):
     if len(values) < 2:
         return 0.0
     low, _, high = statistics.quantiles(values, n=4, method="inclusive")
-    return (high - low) / abs(statistics.median(values))
+    return (high - low) / abs(statistics.median(values)) if high > low else 0.0
 
 
 def complete(spec, ours, peers, measured):
     """The rows of `spec`: one per peer, or one with peer None. `ours`: a dict per round; `measured[peer]`: the same."""
     own = [values[spec.ours] for values in ours]
-    base = {"name": spec.name, "ours": statistics.median(own), "unit": spec.unit}
+    base = {"name": spec.name, "ours": statistics.median(own), "unit": spec.unit, "aim": aim_of(spec), "met": None}
     there = [peers[name] for name in spec.peers if name in peers]
     if not there:
         nothing = {"peer": None, "peer_value": None, "ratio": None}
+        if spec.aim is not None and not spec.peers:
+            base["met"] = base["ours"] <= spec.aim
         return [{**base, **nothing, "runs": len(own), "spread": spread_of(own), "check": None, "reason": None}]
     return [_against(spec, base, own, peer, [values.get(spec.name) for values in measured[peer.name]])
             for peer in there]
@@ -71,19 +119,32 @@ def _against(spec, base, own, peer, other):
         return row
     ratios = [ratio_of(mine, theirs, spec.more_is_better) for mine, theirs in zip(own, other)]
     row["ratio"], row["spread"] = statistics.median(ratios), spread_of(ratios)
+    if spec.aim is not None:
+        row["met"] = row["ratio"] >= spec.aim
     return row
 
 
-HEADER = ("row", "ours", "unit", "peer", "peer's", "ratio", "runs", "spread", "same result")
+def aim_of(spec):
+    return None if spec.aim is None else f"{'ratio >=' if spec.peers else 'ours <='} {spec.aim:g}"
+
+
+def missed(rows):
+    """A line per aim that was measured and not met."""
+    return [f"aim missed: {row['name']}: {row['aim']}, measured "
+            f"{row['ours'] if row['ratio'] is None else row['ratio']:.3g}" for row in rows if row["met"] is False]
+
+
+HEADER = ("row", "ours", "unit", "peer", "peer's", "ratio", "aim", "runs", "spread", "same result")
 
 
 def cells(row):
     def number(value):
         return "-" if value is None else f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
+    aim = "-" if row["aim"] is None else row["aim"] + {None: "", True: ": met", False: ": missed"}[row["met"]]
     same = "-" if row["check"] is None else f"{row['check']:.0e}"
     return (row["name"], number(row["ours"]), row["unit"], row["peer"] or "-", number(row["peer_value"]),
-            number(row["ratio"]), str(row["runs"]), f"{100 * row['spread']:.0f} %", row["reason"] or same)
+            number(row["ratio"]), aim, str(row["runs"]), f"{100 * row['spread']:.0f} %", row["reason"] or same)
 
 
 def table(rows):

@@ -3,37 +3,13 @@
 #include <benchmark/benchmark.h>
 
 #include "phri_control/risk_limits.hpp"
+#include "scene_cases.hpp"
 
 namespace
 {
 using namespace phri_control;
 using Problem = LinearQuadraticProblem<4, 2>;
-
-/// `full` noise has a factor of four columns, force noise one of two.
-Problem massDamper(int horizon, int sources, bool full)
-{
-  constexpr double kDt = 0.01;
-  LqStage<4, 2> stage = LqStage<4, 2>::zero();
-  stage.A.setIdentity();
-  stage.A.topRightCorner<2, 2>().diagonal().setConstant(kDt);
-  stage.A.bottomRightCorner<2, 2>().diagonal().setConstant(1.0 - kDt);
-  stage.B.bottomRows<2>().diagonal().setConstant(kDt);
-  stage.Q.diagonal() << 1.0, 1.0, 0.1, 0.1;
-  stage.q << -0.1, 0.2, 0.0, 0.0;
-  stage.R.diagonal().setConstant(0.01);
-  Problem problem;
-  problem.stages.assign(horizon, stage);
-  problem.terminal = LqTerminal<4>::zero();
-  problem.terminal.Q = stage.Q;
-  for (int s = 0; s < sources; ++s)
-  {
-    Eigen::MatrixXd factor = 0.1 * stage.B;
-    if (full)
-      factor = 0.001 * Eigen::MatrixXd::Identity(4, 4);
-    problem.noise.push_back(NoiseSource::fromFactor(std::to_string(s), factor));
-  }
-  return problem;
-}
+using phri_control_bench::massDamper;
 
 void plain(benchmark::State& state)
 {

@@ -125,6 +125,8 @@ inline PolicyStages policyStages(std::size_t horizon, const Array& gains, const 
 // what the other files of this folder add to the module
 void bindCumulants(py::module_& m);
 void bindIterative(py::module_& m);
+void bindMultiplicative(py::module_& m);
 void bindPlants(py::module_& m);
 void bindRisk(py::module_& m);
+void bindRollOuts(py::module_& m);
 }  // namespace phri_control::python

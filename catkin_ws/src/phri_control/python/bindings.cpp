@@ -264,7 +264,9 @@ PYBIND11_MODULE(phri_control, m)
   bindRisk(m);
   bindCumulants(m);
   bindIterative(m);
+  bindMultiplicative(m);
   bindPlants(m);
+  bindRollOuts(m);
   bindPolicy(m);
   bindAssistance(m);
 }

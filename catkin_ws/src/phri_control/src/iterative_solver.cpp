@@ -103,8 +103,8 @@ void scaleAttitude(const Attitude& attitude, double share, bool all, Attitude& u
       weight *= share;
 }
 
-std::string describe(IterativeStatus status, const RiskStatus& risk, Fallback fallback, double share, int iterations,
-                     double max_feedforward)
+std::string describe(IterativeStatus status, const RiskStatus& risk, Fallback fallback, double share, double refused,
+                     int iterations, double max_feedforward)
 {
   std::ostringstream text;
   text << toString(status) << " after " << iterations << " iterations, max |l| = " << max_feedforward;
@@ -112,6 +112,9 @@ std::string describe(IterativeStatus status, const RiskStatus& risk, Fallback fa
     text << "; " << RiskBreakdown(risk).what();
   if (fallback == Fallback::Reduced)
     text << "; fallback: the attitude times " << share;
+  if (refused > 0.0)
+    text << "; solutions followed from the risk-neutral one end before " << refused << " of the attitude"
+         << (risk ? ": no step shrinks max |l|" : "");
   if (fallback == Fallback::RiskNeutral)
     text << "; fallback: the risk-neutral solution";
   return text.str();

@@ -1,6 +1,7 @@
 #include "phri_control/risk_evaluation.hpp"
 
 #include <Eigen/Eigenvalues>
+#include <cmath>
 
 namespace phri_control::detail
 {
@@ -26,5 +27,17 @@ double thetaLimit(const Eigen::Ref<const Eigen::MatrixXd>& W, const Eigen::Matri
 {
   constexpr int kOnStack = 16;
   return W.rows() <= kOnStack ? limitOf<kOnStack>(W, factor, averse) : limitOf<Eigen::Dynamic>(W, factor, averse);
+}
+
+RiskStatus expectationStatus(const Eigen::Ref<const Eigen::MatrixXd>& W, const Eigen::MatrixXd& factor, double theta,
+                             int stage, int source)
+{
+  if (!W.allFinite() || !factor.allFinite() || !std::isfinite(theta))
+    return { BreakdownKind::NotFinite, stage, source, theta, 0.0 };
+  // A limit of the other sign: rounding alone has made a pivot negative, beyond some 1e14 for -theta E'WE.
+  const double limit = thetaLimit(W, factor, theta > 0.0);
+  if (!std::isfinite(limit) || !(limit * theta > 0.0))
+    return { BreakdownKind::NotFinite, stage, source, theta, 0.0 };
+  return { BreakdownKind::Expectation, stage, source, theta, limit };
 }
 }  // namespace phri_control::detail

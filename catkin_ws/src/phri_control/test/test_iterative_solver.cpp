@@ -63,6 +63,7 @@ double gradient(const OptimalControlProblem<N, M>& problem, Trajectory<N, M> tra
 const Eigen::Vector2d kHanging(0.3, 0.0);
 const Eigen::Vector4d kWalker = Eigen::Vector4d::Zero();
 const Attitude kNeutral = RiskSensitive{ { 0.0 } };
+const Attitude kNeutralPair = RiskSensitive{ { 0.0, 0.0 } };
 
 OptimalControlProblem<3, 2> linear(phri_core::Random& rng, bool cross)
 {
@@ -295,6 +296,37 @@ TEST(IterativeSolver, ControlLimitsHoldTheKktConditions)
   const auto averse = solveIterative(problem, kWalker, Attitude(RiskSensitive{ { 20.0 } }), tight());
   ASSERT_TRUE(averse) << averse.message();
   EXPECT_GT(controlDistance(averse, result), 1e-4);
+}
+
+// One stage is a quadratic programme in a box. A control that its limit holds lies delta away from the nominal: the
+// other control must be the best one for that delta, so that one full step lands on the optimum. (In the end delta is
+// 0: only the way there shows where a pin aims.)
+TEST(IterativeSolver, PinsAimAtTheLimitsFromAnyNominal)
+{
+  phri_core::Random rng(11);
+  int held = 0, beside = 0;
+  for (int trial = 0; trial < 20; ++trial)
+  {
+    OptimalControlProblem<3, 2> problem = linear(rng, trial % 2 == 1);
+    problem.horizon = 1;
+    const Eigen::Vector3d x0 = fixtures::gaussian(rng, 3, 1);
+    const auto free = solveIterative(problem, x0, kNeutralPair, tight());
+    ASSERT_TRUE(free) << free.message();
+    // the first control may go half of the way to its optimum
+    const double limit = 0.5 * free.nominal.controls[0](0);
+    problem.lower = Eigen::Vector2d(std::min(limit, 0.0) - (limit > 0.0), -1e3);
+    problem.upper = Eigen::Vector2d(std::max(limit, 0.0) + (limit <= 0.0), 1e3);
+    const auto result = solveIterative(problem, x0, kNeutralPair, tight());
+    ASSERT_TRUE(result) << result.message();
+    EXPECT_EQ(result.iterations, 1) << trial;
+    EXPECT_EQ(result.nominal.controls[0](0), limit);
+    EXPECT_NEAR(gradient(problem, result.nominal, 0, 1), 0.0, kGradient);
+    EXPECT_NEAR(result.multipliers[0](0), gradient(problem, result.nominal, 0, 0), kGradient);
+    held += std::abs(limit) > 0.01;
+    beside += std::abs(result.nominal.controls[0](1) - free.nominal.controls[0](1)) > 0.001;
+  }
+  EXPECT_GT(held, 10);
+  EXPECT_GT(beside, 10);
 }
 
 TEST(IterativeSolver, IterationAndPassBudgetsAreKept)

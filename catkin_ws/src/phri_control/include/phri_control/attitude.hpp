@@ -36,7 +36,7 @@ enum class BreakdownKind
   None,
   Expectation,  ///< I - theta E'WE is not positive definite: the expectation of exp(theta J) is infinite
   Hessian,      ///< H = R + B'Wbar B is not positive definite: the criterion has no minimum over u_k
-  NotFinite     ///< a NaN or an infinity in the problem, or overflow
+  NotFinite     ///< a NaN or an infinity in the problem, overflow, or noise beyond the digits of a double
 };
 
 /// Must be looked at: the gains of a failed solution are not a policy.

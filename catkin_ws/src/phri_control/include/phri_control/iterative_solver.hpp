@@ -21,6 +21,12 @@
 /// nominal so found; without `reduce`, or where nothing is left, the risk-neutral solution of phase 1 is returned.
 /// Either way the status is Breakdown unless the whole attitude was solved for in the end.
 ///
+/// Where no step progresses, solutions are followed: a share of the attitude is solved for, a larger one from there,
+/// with steps that halve down to 1/128. The share grows from 0, all weights together where the whole attitude has a
+/// policy at each nominal. Solutions can end at a share below 1 without a breakdown: two of them meet there (a fold)
+/// and beyond it there is none nearby. Then, with `reduce`, the result is the last one found, `share` and `refused`
+/// say where the end lies, and the status is LineSearch.
+///
 /// What is guaranteed: the fixed point is stationary for the LQ approximation of the criterion, which is local. The
 /// approximation is good only where the noise moves the state less than the cost bends: an obstacle of width 0.07 m
 /// under noise of 0.7 m is outside. Different starts may end in different local solutions.
@@ -42,7 +48,7 @@ enum class IterativeStatus
   Converged,
   MaxIterations,  ///< or max_passes: the best so far; its gains are those of the last nominal
   Breakdown,      ///< the attitude has no policy: see `risk` and `fallback`
-  LineSearch,     ///< no step made progress
+  LineSearch,     ///< no step made progress for the whole attitude: see `fallback`
   NotFinite       ///< dynamics, cost or a derivative is not finite at the start
 };
 
@@ -68,7 +74,7 @@ struct IterativeOptions
   int max_passes = 0;        ///< backward passes after which no further step is tried; 0: no limit
   double min_step = 1e-4;    ///< smallest step
   LineSearch line_search = LineSearch::Feedforward;
-  bool reduce = true;         ///< fallback on breakdown
+  bool reduce = true;         ///< fallback on breakdown and where solutions end
   bool skip_neutral = false;  ///< start phase 2 from the controls given: for a warm start near a solution
   int cumulants = 0;          ///< how many cumulants of J per source the result reports
 };
@@ -89,9 +95,11 @@ template <int N = Eigen::Dynamic, int M = Eigen::Dynamic>
 struct IterativeResult
 {
   IterativeStatus status = IterativeStatus::NotFinite;
-  RiskStatus risk;  ///< of the first breakdown of the whole attitude, also where the iteration got round it later
+  RiskStatus risk;  ///< of the first breakdown of the whole attitude, also where the iteration got round it later; of
+                    ///< the last share refused where solutions ended
   Fallback fallback = Fallback::None;
-  double share = 1.0;      ///< of the attitude's averse part that the result belongs to
+  double share = 1.0;      ///< of the attitude's averse part (see above) that the result belongs to
+  double refused = 0.0;    ///< smallest share tried from there that had no solution; 0: the share was not limited so
   bool converged = false;  ///< max |l| < tolerance for the attitude that the result belongs to
   bool usable = false;     ///< `policy` is a finite policy around `nominal`, whatever the status
   Trajectory<N, M> nominal;
@@ -156,6 +164,8 @@ private:
   Outcome attitudePhase(double share);
   double existingShare();
   void setShare(double share);
+  double follow(double share, double aim, double step, RiskStatus& end);
+  void standBy(double share);
   Outcome withAttitude();
   void finish(Outcome outcome);
 
@@ -163,7 +173,7 @@ private:
   Attitude attitude_, used_;
   IterativeOptions options_;
   std::vector<Control> start_;
-  Iterate now_, next_, kept_;
+  Iterate now_, next_, kept_, stuck_;
   bool scale_all_ = false;
   BackwardPass<N, M> backward_;
   IterativeResult<N, M> result_;

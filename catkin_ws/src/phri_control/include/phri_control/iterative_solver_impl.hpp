@@ -20,28 +20,29 @@ void requireAttitude(const Attitude& attitude, std::size_t sources);
 void requireOptions(const IterativeOptions& options);
 void requireStart(const Eigen::Ref<const Eigen::VectorXd>& x0, Eigen::Index n, std::size_t count, int horizon);
 void requireControl(std::size_t k, const Eigen::Ref<const Eigen::VectorXd>& control, Eigen::Index m);
-std::string describe(IterativeStatus status, const RiskStatus& risk, Fallback fallback, double share, int iterations,
-                     double max_feedforward);
+std::string describe(IterativeStatus status, const RiskStatus& risk, Fallback fallback, double share, double refused,
+                     int iterations, double max_feedforward);
 /// `used` <- `attitude` with its averse part (theta > 0; for cumulants the gamma < 0, which are what breaks H), or
 /// `all` of it, times `share`.
 void scaleAttitude(const Attitude& attitude, double share, bool all, Attitude& used);
 
-constexpr int kActiveSetPasses = 10;  // the set of held controls settles in two or three
-constexpr int kBisections = 30;       // existing share to 1e-9
-constexpr int kReductions = 5;        // rounds of reduced attitude, then whole attitude
-constexpr double kReduction = 0.9;    // of the share that exists
-constexpr double kWorthwhile = 1.05;  // a further round must raise the share by this
-constexpr double kSufficient = 1e-4;  // Armijo's share of the predicted decrease
-constexpr double kFirstMu = 1e-3;     // first regularisation, relative to the largest element of R
-constexpr double kMuFactor = 10.0;    // up and down
-constexpr double kLastMu = 1e10;      // relative too: beyond it a step cannot be told from none
-constexpr double kRounding = 1e-13;   // of the cost: differences below are noise
+constexpr int kActiveSetPasses = 10;   // the set of held controls settles in two or three
+constexpr int kBisections = 30;        // existing share to 1e-9
+constexpr int kReductions = 5;         // rounds of reduced attitude, then whole attitude
+constexpr double kReduction = 0.9;     // of the share that exists
+constexpr double kWorthwhile = 1.05;   // a further round must raise the share by this
+constexpr double kFinest = 1.0 / 128;  // of the share aimed at: the last step along the path of solutions
+constexpr double kSufficient = 1e-4;   // Armijo's share of the predicted decrease
+constexpr double kFirstMu = 1e-3;      // first regularisation, relative to the largest element of R
+constexpr double kMuFactor = 10.0;     // up and down
+constexpr double kLastMu = 1e10;       // relative too: beyond it a step cannot be told from none
+constexpr double kRounding = 1e-13;    // of the cost: differences below are noise
 }  // namespace detail
 
 template <int N, int M>
 std::string IterativeResult<N, M>::message() const
 {
-  return detail::describe(status, risk, fallback, share, iterations, max_feedforward);
+  return detail::describe(status, risk, fallback, share, refused, iterations, max_feedforward);
 }
 
 template <int N, int M>
@@ -53,7 +54,7 @@ IterativeSolver<N, M>::IterativeSolver(OptimalControlProblem<N, M> problem, Atti
   detail::requireOptions(options_);
   const Eigen::Index n = problem_.stateSize(), m = problem_.controlSize();
   start_.assign(problem_.horizon, Control::Zero(m));
-  for (Iterate* iterate : { &now_, &next_, &kept_ })
+  for (Iterate* iterate : { &now_, &next_, &kept_, &stuck_ })
   {
     iterate->nominal.resize(problem_.horizon, n, m);
     iterate->approximation.resize(problem_);
@@ -191,108 +192,12 @@ typename IterativeSolver<N, M>::Outcome IterativeSolver<N, M>::neutralPhase()
 }
 
 template <int N, int M>
-typename IterativeSolver<N, M>::Outcome IterativeSolver<N, M>::attitudePhase(double share)
-{
-  setShare(share);
-  if (!evaluate(now_, false, 0.0))
-    return Outcome::Breakdown;
-  while (true)
-  {
-    if (now_.max_feedforward < options_.tolerance)
-    {
-      record(2, 0.0, 0.0, share);
-      return Outcome::Converged;
-    }
-    if (exhausted())
-      return Outcome::Exhausted;
-    double step = 1.0;
-    bool stepped = false;
-    while (!(stepped = tryStep(step, false, 0.0)) && step > options_.min_step && !exhausted())
-      step *= 0.5;
-    ++result_.iterations;
-    record(2, stepped ? step : 0.0, 0.0, share);
-    if (!stepped)
-      return exhausted() ? Outcome::Exhausted : Outcome::Stuck;
-    std::swap(now_, next_);
-  }
-}
-
-template <int N, int M>
-void IterativeSolver<N, M>::setShare(double share)
-{
-  result_.share = share;
-  detail::scaleAttitude(attitude_, share, scale_all_, used_);
-}
-
-template <int N, int M>
-double IterativeSolver<N, M>::existingShare()
-{
-  const auto exists = [&](double share) {
-    setShare(share);
-    return evaluate(now_, false, 0.0);
-  };
-  if (!exists(0.0))
-  {
-    scale_all_ = true;
-    if (!exists(0.0))
-      return 0.0;
-  }
-  double low = 0.0, high = 1.0;
-  for (int i = 0; i < detail::kBisections; ++i)
-    (exists(0.5 * (low + high)) ? low : high) = 0.5 * (low + high);
-  return low;
-}
-
-template <int N, int M>
-typename IterativeSolver<N, M>::Outcome IterativeSolver<N, M>::withAttitude()
-{
-  if (!options_.skip_neutral)
-    kept_ = now_;
-  Outcome outcome = attitudePhase(1.0);
-  if (outcome == Outcome::Stuck && !options_.skip_neutral)
-  {
-    scale_all_ = true;  // a path from the risk-neutral solution: all weights grow together
-    now_ = kept_;
-    for (int quarter = 1; quarter <= 4; ++quarter)
-      if ((outcome = attitudePhase(0.25 * quarter)) != Outcome::Converged)
-        break;
-    scale_all_ = false;
-    if (outcome != Outcome::Breakdown)
-      return outcome;
-  }
-  if (outcome != Outcome::Breakdown || now_.risk.kind == BreakdownKind::NotFinite)
-    return outcome;
-  result_.risk = now_.risk;
-  double share = 0.0;
-  for (int round = 0; options_.reduce && round < detail::kReductions; ++round)
-  {
-    const double candidate = detail::kReduction * existingShare();
-    if (!(candidate > detail::kWorthwhile * share))
-      break;
-    if (attitudePhase(candidate) != Outcome::Converged)
-    {
-      result_.fallback = Fallback::Reduced;
-      return Outcome::Breakdown;
-    }
-    share = candidate;
-    kept_ = now_;
-    if (attitudePhase(1.0) == Outcome::Converged)
-      return Outcome::Converged;
-    now_ = kept_;
-  }
-  result_.fallback = share > 0.0 ? Fallback::Reduced : Fallback::RiskNeutral;
-  setShare(share);
-  result_.converged = (share > 0.0 ? evaluate(now_, false, 0.0) : evaluate(now_, true, 0.0)) &&
-                      now_.max_feedforward < options_.tolerance;
-  return Outcome::Breakdown;
-}
-
-template <int N, int M>
 const IterativeResult<N, M>& IterativeSolver<N, M>::solve(const State& x0)
 {
   result_.risk = {};
   result_.fallback = Fallback::None;
   result_.share = 1.0;
+  result_.refused = 0.0;
   result_.converged = false;
   result_.iterations = result_.passes = 0;
   result_.trace.clear();
@@ -363,7 +268,6 @@ IterativeResult<N, M> solveIterative(const OptimalControlProblem<N, M>& problem,
     solver.start() = start;
   return solver.solve(x0);
 }
-
-// the sizes that Python uses are compiled once, in the library
-extern template class IterativeSolver<>;
 }  // namespace phri_control
+
+#include "phri_control/iterative_solver_attitude.hpp"

@@ -49,41 +49,90 @@ struct RiskEvaluation
 
 namespace detail
 {
-/// `value` <- theta^-1 log E exp(theta value(. + factor n)), n ~ N(0, I). False, and `value` spoiled, unless it exists.
-template <int N>
-bool throughNoise(double theta, const Eigen::MatrixXd& factor, QuadraticValue<N>& value)
+/// det F over any number of columns as determinant = 1 - theta deficit, which keeps the digits where theta is small.
+struct NoiseDeterminant
 {
-  const Eigen::Index n = factor.rows();
-  Eigen::Matrix<double, N, 1> v(n);
-  double determinant = 1.0, deficit = 0.0;  // det F = 1 - theta deficit: keeps the digits where theta is small
-  for (Eigen::Index column = 0; column < factor.cols(); ++column)
+  double value = 1.0, deficit = 0.0;
+
+  void take(double pivot, double variance)
   {
-    const Eigen::Map<const Eigen::Matrix<double, N, 1>> e(factor.data() + column * n, n);
-    v.noalias() = value.W.lazyProduct(e);
-    const double variance = e.dot(v), slope = e.dot(value.w), pivot = 1.0 - theta * variance;
+    deficit += value * variance;
+    value *= pivot;
+  }
+  /// -1/(2 theta) log det F; 1/2 tr(E'WE) for theta = 0.
+  double constant(double theta) const
+  {
+    const double x = theta * deficit;
+    if (x == 0.0)
+      return 0.5 * deficit;
+    return -0.5 * deficit * ((std::abs(x) < 0.5 ? std::log1p(-x) : std::log(value)) / x);
+  }
+};
+
+/// `behind`, of the right size, <- theta^-1 log E exp(theta ahead(. + factor n)), n ~ N(0, I); both may be the same
+/// object. False, and `behind` spoiled, unless it exists. Two columns at a time: W is then read and written half as
+/// often.
+template <int N>
+bool throughNoise(double theta, const Eigen::MatrixXd& factor, const QuadraticValue<N>& ahead,
+                  QuadraticValue<N>& behind)
+{
+  using Vector = Eigen::Matrix<double, N, 1>;
+  using Column = Eigen::Map<const Vector>;
+  const Eigen::Index n = factor.rows(), columns = factor.cols();
+  NoiseDeterminant determinant;
+  double c = ahead.c;
+  Vector v(n), v2(n);
+  const QuadraticValue<N>* from = &ahead;
+  if (columns == 0 || theta == 0.0)
+    behind = ahead;
+  for (Eigen::Index column = 0; column < columns; column += 2)
+  {
+    const Column e(factor.data() + column * n, n);
+    v.noalias() = from->W.lazyProduct(e);
+    const double variance = e.dot(v), slope = e.dot(from->w), pivot = 1.0 - theta * variance;
     if (!(pivot > 0.0))
       return false;
-    deficit += determinant * variance;
-    determinant *= pivot;
+    determinant.take(pivot, variance);
+    const double scale = theta / pivot;
+    c += 0.5 * scale * slope * slope;
+    if (column + 1 == columns)
+    {
+      if (theta != 0.0)
+      {
+        behind.W.noalias() = from->W + v.lazyProduct((scale * v).transpose());
+        behind.w = from->w + (scale * slope) * v;
+      }
+      break;
+    }
+    const Column e2(factor.data() + (column + 1) * n, n);
+    const double shared = scale * e2.dot(v);  // what the first column has made of W and w, seen along the second
+    v2.noalias() = from->W.lazyProduct(e2);
+    v2 += shared * v;
+    const double variance2 = e2.dot(v2), slope2 = e2.dot(from->w) + shared * slope, pivot2 = 1.0 - theta * variance2;
+    if (!(pivot2 > 0.0))
+      return false;
+    determinant.take(pivot2, variance2);
+    const double scale2 = theta / pivot2;
+    c += 0.5 * scale2 * slope2 * slope2;
     if (theta != 0.0)
     {
-      const double scale = theta / pivot;
-      value.W.noalias() += v.lazyProduct((scale * v).transpose());
-      value.w += (scale * slope) * v;
-      value.c += 0.5 * scale * slope * slope;
+      for (Eigen::Index j = 0; j < n; ++j)
+        behind.W.col(j) = from->W.col(j) + (scale * v(j)) * v + (scale2 * v2(j)) * v2;
+      behind.w = from->w + (scale * slope) * v + (scale2 * slope2) * v2;
+      from = &behind;
     }
   }
-  const double x = theta * deficit;
-  if (x == 0.0)
-    value.c += 0.5 * deficit;
-  else
-    value.c -= 0.5 * deficit * ((std::abs(x) < 0.5 ? std::log1p(-x) : std::log(determinant)) / x);
+  behind.c = c + determinant.constant(theta);
   return true;
 }
 
 /// The theta at which I - theta E'WE stops being positive definite: 1/lambda_max(E'WE), for a negative theta
 /// 1/lambda_min. Allocates for more than 16 states only.
 double thetaLimit(const Eigen::Ref<const Eigen::MatrixXd>& W, const Eigen::MatrixXd& factor, bool averse);
+
+/// Why the expectation over the noise of stage k does not exist for the value 1/2 xi'W xi + ..
+RiskStatus expectationStatus(const Eigen::Ref<const Eigen::MatrixXd>& W, const Eigen::MatrixXd& factor, double theta,
+                             int stage, int source);
 
 /// All `values`, of stage k + 1, through the noise of stage k. `theta(s)` is the attitude to source s.
 template <int N, int M, typename Theta>
@@ -94,11 +143,8 @@ RiskStatus throughNoise(const LinearQuadraticProblem<N, M>& problem, const Theta
   {
     const Eigen::MatrixXd& factor = problem.noise[s].at(k);
     const Eigen::Matrix<double, N, N> W = values[s].W;
-    if (throughNoise<N>(theta(s), factor, values[s]))
-      continue;
-    if (!W.allFinite() || !factor.allFinite() || !std::isfinite(theta(s)))
-      return { BreakdownKind::NotFinite, k, static_cast<int>(s), theta(s), 0.0 };
-    return { BreakdownKind::Expectation, k, static_cast<int>(s), theta(s), thetaLimit(W, factor, theta(s) > 0.0) };
+    if (!throughNoise<N>(theta(s), factor, values[s], values[s]))
+      return expectationStatus(W, factor, theta(s), k, static_cast<int>(s));
   }
   return {};
 }
@@ -140,9 +186,7 @@ void throughLoop(const ClosedLoop<N>& loop, QuadraticValue<N>& value)
   wt.noalias() += value.W.lazyProduct(loop.b);
   value.c += loop.c + 0.5 * loop.b.dot(value.w + wt);
   const Eigen::Matrix<double, N, N> WA = value.W.lazyProduct(loop.A);
-  Eigen::Matrix<double, N, N> next = loop.Q;
-  next.noalias() += loop.A.transpose().lazyProduct(WA);
-  value.W = 0.5 * (next + next.transpose());
+  symmetricSum<N>(loop.Q, loop.A, WA, value.W);
   value.w = loop.q;
   value.w.noalias() += loop.A.transpose().lazyProduct(wt);
 }

@@ -66,32 +66,56 @@ bool improve(const LqStage<N, M>& stage, const std::vector<QuadraticValue<N>>& v
   return true;
 }
 
-/// Backward pass; `theta(s)` is the attitude to source s.
-template <int N, int M, typename Theta>
-RiskStatus solveRisk(const LinearQuadraticProblem<N, M>& problem, const Theta& theta, RiskSolution<N, M>& solution)
+/// Backward pass for one source: behind its noise the problem is an ordinary one.
+template <int N, int M>
+RiskStatus solveOneSource(const LinearQuadraticProblem<N, M>& problem, double theta, RiskSolution<N, M>& solution)
 {
-  const int horizon = static_cast<int>(problem.horizon());
-  solution.gains.resize(horizon);
-  solution.feedforward.resize(horizon);
-  startValues(problem, solution.values);
+  QuadraticValue<N> value = solution.values[0], behind = value;
+  for (int k = static_cast<int>(problem.horizon()) - 1; k >= 0; --k)
+  {
+    const Eigen::MatrixXd& factor = problem.noise[0].at(k);
+    if (!throughNoise<N>(theta, factor, value, behind))
+      return expectationStatus(value.W, factor, theta, k, 0);
+    const LqFailure failure =
+        optimalStage(problem.stages[k], behind, solution.gains[k], solution.feedforward[k], value);
+    if (failure != LqFailure::None)
+      return { failure == LqFailure::Hessian ? BreakdownKind::Hessian : BreakdownKind::NotFinite, k, -1, 0.0, 0.0 };
+  }
+  solution.values[0] = value;
+  return {};
+}
+
+template <int N, int M, typename Theta>
+RiskStatus solveSources(const LinearQuadraticProblem<N, M>& problem, const Theta& theta, RiskSolution<N, M>& solution)
+{
   Mean<N, M> mean;
   ClosedLoop<N> loop;
-  for (int k = horizon - 1; k >= 0; --k)
+  for (int k = static_cast<int>(problem.horizon()) - 1; k >= 0; --k)
   {
-    solution.status = throughNoise(problem, theta, k, solution.values);
-    if (!solution.status)
-      return solution.status;
+    if (const RiskStatus status = throughNoise(problem, theta, k, solution.values); !status)
+      return status;
     if (!improve(problem.stages[k], solution.values, mean, solution.gains[k], solution.feedforward[k]))
     {
       const bool finite = mean.H.allFinite() && mean.W.allFinite();
-      solution.status = { finite ? BreakdownKind::Hessian : BreakdownKind::NotFinite, k, -1, 0.0, 0.0 };
-      return solution.status;
+      return { finite ? BreakdownKind::Hessian : BreakdownKind::NotFinite, k, -1, 0.0, 0.0 };
     }
     close<N, M>(problem.stages[k], solution.gains[k], solution.feedforward[k], loop);
     for (QuadraticValue<N>& value : solution.values)
       throughLoop<N>(loop, value);
   }
-  if (!allFinite(solution.values))
+  return {};
+}
+
+/// Backward pass; `theta(s)` is the attitude to source s.
+template <int N, int M, typename Theta>
+RiskStatus solveRisk(const LinearQuadraticProblem<N, M>& problem, const Theta& theta, RiskSolution<N, M>& solution)
+{
+  solution.gains.resize(problem.horizon());
+  solution.feedforward.resize(problem.horizon());
+  startValues(problem, solution.values);
+  solution.status =
+      problem.noise.size() == 1 ? solveOneSource(problem, theta(0), solution) : solveSources(problem, theta, solution);
+  if (solution.status && !allFinite(solution.values))
     solution.status = { BreakdownKind::NotFinite, firstNonFinite(solution.gains, solution.feedforward), -1, 0.0, 0.0 };
   return solution.status;
 }
