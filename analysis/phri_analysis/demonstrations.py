@@ -4,12 +4,13 @@
 - a .mat file of the LASA handwriting set, the folder of them, or the folder above it (`DataSet`). Each file is one
   movement: a cell array `demos` of structs with `pos` (2, T) [mm] and `t` (1, T) [s]; the set itself is not shipped.
 - an .npz file with arrays `pos_0`, `pos_1`, ... (T, d) [m] and one number `Ts` [s]: one movement, one array per
-  demonstration.
-- a folder of .csv files (header line with t, x, y and possibly z) or .npz files (arrays `t` (T,) and `pos` (T, d)),
-  one demonstration per file [s, m]: one movement.
+  demonstration; forces `F_0`, `F_1`, ... (T, d) [N] if it has them.
+- a folder of .csv files (header line with t, x, y and possibly z; forces fx, fy, fz) or .npz files (arrays `t` (T,) and
+  `pos` (T, d); forces `F` (T, d)), one demonstration per file [s, m, N]: one movement.
 
 Positions are returned in metres. Velocities in the files are not read: in more than one public set they do not agree
-with the positions. DataError names the file, what is wrong and what was expected.
+with the positions. Either all demonstrations of a movement have forces or none. DataError names the file, what is wrong
+and what was expected.
 """
 
 import re
@@ -28,16 +29,30 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Demonstration:
-    """`t` (T,) [s], rising; `x` (T, d) [m]; `name` says where it was read from."""
+    """`t` (T,) [s], rising; `x` (T, d) [m]; `force` (T, d) [N] or None; `name` says where it was read from."""
 
     name: str
     t: np.ndarray
     x: np.ndarray
+    force: np.ndarray | None = None
+
+    def times(self, dt: float) -> np.ndarray:
+        """Every `dt` from the first sample on."""
+        return self.t[0] + dt * np.arange(int(np.floor((self.t[-1] - self.t[0]) / dt + 1e-6)) + 1)
 
     def resampled(self, dt: float) -> np.ndarray:
         """Positions (N, d) every `dt` from the first sample on, linear between samples."""
-        grid = self.t[0] + dt * np.arange(int(np.floor((self.t[-1] - self.t[0]) / dt + 1e-6)) + 1)
+        grid = self.times(dt)
         return np.stack([np.interp(grid, self.t, column) for column in self.x.T], axis=1)
+
+    def resampled_force(self, dt: float) -> np.ndarray:
+        """Forces (N, d) at the same times: means over the `dt` before, since a sensor's noise is not the person's.
+        The first one is the first sample."""
+        areas = np.diff(self.t)[:, None] * (self.force[1:] + self.force[:-1]) / 2.0
+        integral = np.vstack([np.zeros(self.force.shape[1]), np.cumsum(areas, axis=0)])
+        grid = self.times(dt)
+        past = np.stack([np.interp(grid, self.t, column) for column in integral.T], axis=1)
+        return np.vstack([self.force[:1], np.diff(past, axis=0) / dt])
 
 
 @dataclass(frozen=True)
@@ -84,27 +99,32 @@ def _movement(path, demonstrations):
             raise DataError(
                 f"{other.name}: {other.x.shape[1]} dimensions, expected {first.x.shape[1]} as in {first.name}"
             )
+        if (other.force is None) != (first.force is None):
+            raise DataError(f"{other.name} and {first.name}: one has forces, expected all demonstrations or none")
     return Movement(path.stem, tuple(demonstrations))
 
 
-def _demonstration(name, t, x, unit=1.0):
+def _demonstration(name, t, x, unit=1.0, force=None):
     """Checks shapes and values; drops samples that repeat a time, as recorders write them."""
     try:
         t, x = np.asarray(t, dtype=float).ravel(), np.asarray(x, dtype=float)
+        force = None if force is None else np.asarray(force, dtype=float)
     except (TypeError, ValueError):
-        raise DataError(f"{name}: positions or times are not numbers") from None
+        raise DataError(f"{name}: positions, times or forces are not numbers") from None
     if x.ndim != 2 or x.shape[0] != t.size or not 1 <= x.shape[1] <= 6:
         raise DataError(f"{name}: {t.size} times and positions of shape {x.shape}, expected ({t.size}, 1 to 6)")
+    if force is not None and force.shape != x.shape:
+        raise DataError(f"{name}: forces of shape {force.shape}, expected {x.shape} as the positions")
     if t.size < FEWEST_SAMPLES:
         raise DataError(f"{name}: {t.size} samples, expected at least {FEWEST_SAMPLES}")
-    bad = np.flatnonzero(~(np.isfinite(t) & np.isfinite(x).all(axis=1)))
+    bad = np.flatnonzero(~(np.isfinite(t) & np.isfinite(x if force is None else x + force).all(axis=1)))
     if bad.size:
         raise DataError(f"{name}: sample {bad[0]} is not finite")
     falling = np.flatnonzero(np.diff(t) < 0.0)
     if falling.size:
         raise DataError(f"{name}: time falls after sample {falling[0]}, expected rising times")
     keep = np.diff(t, prepend=t[0] - 1.0) > 0.0
-    return Demonstration(name, t[keep], unit * x[keep])
+    return Demonstration(name, t[keep], unit * x[keep], None if force is None else force[keep])
 
 
 def _lasa(path):
@@ -149,7 +169,8 @@ def _numbered(path):
     result = []
     for number in numbers:
         x = arrays[f"pos_{number}"]
-        result.append(_demonstration(f"{path}: pos_{number}", float(step.item()) * np.arange(len(x)), x))
+        times = float(step.item()) * np.arange(len(x))
+        result.append(_demonstration(f"{path}: pos_{number}", times, x, force=arrays.get(f"F_{number}")))
     return _movement(path, result)
 
 
@@ -159,7 +180,7 @@ def _single(path):
     if missing:
         found = ", ".join(sorted(arrays)) or "none"
         raise DataError(f"{path}: no array {missing[0]!r}, expected t (T,) [s] and pos (T, d) [m]; found: {found}")
-    return _demonstration(str(path), arrays["t"], arrays["pos"])
+    return _demonstration(str(path), arrays["t"], arrays["pos"], force=arrays.get("F"))
 
 
 def _csv(path):
@@ -172,4 +193,7 @@ def _csv(path):
     columns = [axis for axis in AXES if axis in table.columns]
     if "t" not in table.columns or "x" not in columns:
         raise DataError(f"{path}: columns {', '.join(map(str, table.columns))}; expected t, x, y and possibly z")
-    return _demonstration(str(path), table["t"], table[columns])
+    forces = [f"f{axis}" for axis in columns if f"f{axis}" in table.columns]
+    if forces and len(forces) != len(columns):
+        raise DataError(f"{path}: forces {', '.join(forces)} for positions {', '.join(columns)}, expected one each")
+    return _demonstration(str(path), table["t"], table[columns], force=table[forces] if forces else None)

@@ -1,4 +1,4 @@
-"""Pictures of a library of movement primitives: its tree with counts, and which primitive follows which.
+"""Pictures of a library of movement primitives: its tree with counts, which primitive follows which, its segments.
 
 `library` is a phri_learning.PrimitiveLibrary; only its attributes are used, so this module needs no ROS.
 """
@@ -12,6 +12,7 @@ from matplotlib.patches import FancyArrowPatch
 # Okabe-Ito palette, as everywhere; a primitive keeps its colour in both pictures
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 _GREY = "#6b6b6b"
+_PANELS = 30  # primitives with a panel of their own
 _SHOWN_FROM = 0.01  # probability of an arrow
 
 
@@ -112,3 +113,39 @@ def picture(library) -> Figure:
     draw_tree(left, library)
     draw_successions(right, library)
     return figure
+
+
+def segments(library, places: list) -> Figure:
+    """A panel for all segments and one per primitive: `places` are pairs of positions (T, d) [m] and the upper node, or
+    -1. Of three axes the two that move most are shown. Dashed: the primitive's own motion."""
+    upper = list(library.upper_nodes)
+    reach = np.max([np.ptp(x, axis=0) for x, _ in places], axis=0)
+    shown = sorted(np.argsort(-reach, kind="stable")[:2])
+    panels = [None, *upper[:_PANELS]] + ([-1] if any(node < 0 for _, node in places) else [])
+    columns = min(len(panels), 4)
+    figure = Figure(figsize=(3.4 * columns, 3.2 * math.ceil(len(panels) / columns)), layout="constrained")
+    grid = figure.subplots(math.ceil(len(panels) / columns), columns, squeeze=False).ravel()
+    for axes, panel in zip(grid, panels):
+        count = 0
+        for x, node in places:
+            if panel is None or node == panel:
+                _path(axes, x, shown, _GREY if node < 0 else colour(library, node), 0.9, 0.55)
+                count += 1
+        if panel in upper:
+            _path(axes, np.asarray(library.node(panel).output), shown, "black", 1.4, 1.0, linestyle="--")
+        text = {None: "all", -1: "in no primitive"}.get(panel, f"primitive {panel}")
+        more = f", {len(upper) - _PANELS} primitives not shown" if panel is None and len(upper) > _PANELS else ""
+        axes.set_title(f"{text}: {count}×{more}", fontsize=9)
+        axes.set_aspect("equal" if len(shown) == 2 else "auto", adjustable="datalim")
+        axes.tick_params(labelsize=7)
+        axes.set_xlabel("xyz"[shown[0]] + " [m]" if len(shown) == 2 else "sample", fontsize=8)
+        axes.set_ylabel(("xyz" + "???")[shown[-1]] + " [m]", fontsize=8)
+    for axes in grid[len(panels):]:
+        axes.axis("off")
+    return figure
+
+
+def _path(axes, x, shown, colour_, width, alpha, linestyle="-"):
+    data = x[:, shown] if len(shown) == 2 else np.column_stack([np.arange(len(x)), x[:, shown]])
+    axes.plot(*data.T, color=colour_, linewidth=width, alpha=alpha, linestyle=linestyle)
+    axes.plot(*data[0], "o", color=colour_, markersize=3, alpha=alpha)

@@ -2,7 +2,7 @@
 
 Leave one demonstration out, every movement of the data set: mean distance in mm between the predicted and the real
 place 0.1, 0.2 and 0.3 s ahead, share of real places inside the 95 % regions, error of the length by (3.10). The data
-set is the path in the environment variable PHRI_DEMONSTRATIONS (a LASA folder, an .npz, a folder of .csv; see
+set is --data or the path in the environment variable PHRI_DEMONSTRATIONS (a LASA folder, an .npz, a folder of .csv; see
 phri_analysis.demonstrations), else symbol 17 of the Panda co-manipulation set, which is shipped with the tests.
 
 All methods see positions at 50 Hz, nothing later than the present sample, and are judged on the same samples: from
@@ -28,6 +28,7 @@ from phri_analysis.errors import DataError, MissingInputError, OutputError
 
 from . import _page
 
+TAKES_DATA = True
 TITLE = "Prediction of motions not seen in training"
 VARIABLE = "PHRI_DEMONSTRATIONS"
 SHIPPED = Path(__file__).resolve().parents[1] / "tests/data/panda_comanip/symbol_17_100hz.npz"
@@ -78,8 +79,9 @@ def judged(x):
     return np.arange(FIRST, len(x) - HORIZONS[-1])
 
 
-def fold(movement: str, positions: list, held_out: int) -> list:
-    """Rows of one demonstration left out: per method and horizon the sums over its judged samples."""
+def fold(movement: str, positions: list, held_out: int, methods=METHODS) -> list:
+    """Rows of one demonstration left out: per method and horizon the means over its judged samples. The length's error
+    is NaN where no method is a time-HMM."""
     import phri_learning
 
     x, d = positions[held_out], positions[0].shape[1]
@@ -95,27 +97,34 @@ def fold(movement: str, positions: list, held_out: int) -> list:
             "coverage": np.nan if covariance is None else inside(residual, covariance).mean(),
         })  # fmt: skip
 
-    mixture = phri_learning.DisplacementMixture(axes=d, dt=DT, horizon=HORIZONS[-1] * DT).fit(train)
+    if DEFAULT in methods:
+        mixture = phri_learning.DisplacementMixture(axes=d, dt=DT, horizon=HORIZONS[-1] * DT).fit(train)
     motions = [np.hstack([y, velocity(y)]) for y in train]
     motion = np.hstack([x, velocity(x)])
-    models = {mode: phri_learning.TimeHmm(STATES, dt=DT, mode=mode).fit(motions) for mode in ("thesis", "corrected")}
+    modes = dict.fromkeys(mode for name, (mode, _, _) in THESIS.items() if name in methods)
+    models = {mode: phri_learning.TimeHmm(STATES, dt=DT, mode=mode).fit(motions) for mode in modes}
     for steps in HORIZONS:
-        mean, covariance = mixture.follow(x, steps * DT)
-        add(DEFAULT, steps, mean[t], covariance[t])
+        if DEFAULT in methods:
+            mean, covariance = mixture.follow(x, steps * DT)
+            add(DEFAULT, steps, mean[t], covariance[t])
         for name, (mode, arguments, pace) in THESIS.items():
+            if name not in methods:
+                continue
             arguments = {**arguments, "velocity": (d, 2 * d) if pace else None}
             windows = (motion[max(0, s - WINDOW + 1) : s + 1] for s in t)
             forecasts = [models[mode].predict(window, steps * DT, **arguments) for window in windows]
             add(name, steps, np.array([m[:d] for m, _ in forecasts]), np.array([c[:d, :d] for _, c in forecasts]))
-        add(VELOCITY, steps, x[t] + steps * DT * velocity(x)[t])
-        add(NEAREST, steps, x[t] + nearest(train, x, steps))
+        if VELOCITY in methods:
+            add(VELOCITY, steps, x[t] + steps * DT * velocity(x)[t])
+        if NEAREST in methods:
+            add(NEAREST, steps, x[t] + nearest(train, x, steps))
     length = np.mean([len(y) for y in train]) * DT
     for row in rows:
-        row["length_error"] = abs(models["corrected"].length_ / length - 1.0)
+        row["length_error"] = abs(models["corrected"].length_ / length - 1.0) if "corrected" in models else np.nan
     return rows
 
 
-def evaluate(movements: list, jobs: int = 1) -> pd.DataFrame:
+def evaluate(movements: list, jobs: int = 1, methods=METHODS) -> pd.DataFrame:
     """One row per movement, left-out demonstration, method and horizon."""
     tasks = []
     for movement in movements:
@@ -125,7 +134,7 @@ def evaluate(movements: list, jobs: int = 1) -> pd.DataFrame:
         for demo, x in zip(movement.demonstrations, positions):
             if len(x) < FEWEST:
                 raise DataError(f"{demo.name}: {len(x) * DT:.2f} s long, expected at least {FEWEST * DT:.2f} s")
-        tasks += [(movement.name, positions, held_out) for held_out in range(len(positions))]
+        tasks += [(movement.name, positions, held_out, methods) for held_out in range(len(positions))]
     if jobs == 1:
         results = [fold(*task) for task in tasks]
     else:
@@ -168,12 +177,12 @@ def source() -> Path:
     if path:
         return Path(path).expanduser()
     if not SHIPPED.is_file():
-        raise MissingInputError(f"{SHIPPED}: no such file; set {VARIABLE} to a data set (LASA folder, .npz, .csv)")
+        raise MissingInputError(f"{SHIPPED}: no such file; --data or {VARIABLE} name data (LASA folder, .npz, .csv)")
     return SHIPPED
 
 
 def run(options) -> list:
-    path = getattr(options, "data", None) or source()
+    path = options.data or source()
     movements = demonstrations.load(path)
     table = evaluate(movements, options.jobs)
     header, rows = text_rows(summary(table))

@@ -1,8 +1,8 @@
 """On-line and off-line segmentation of kinesthetic demonstrations against labels set by hand, with one fixed setting.
 
 Data: icsc_kinesthetic_ft.npz, arrays of the public ICSC-HMM test data (Figueroa and Billard), which may not be shipped;
-its path is read from the environment variable PHRI_ICSC_DATA. Every demonstration is resampled to 20 Hz and segmented
-by its hand's velocity alone, a difference of past positions. A cut within 5 % of the demonstration's length of a label
+its path is --data or in the environment variable PHRI_ICSC_DATA. Every demonstration is resampled to 20 Hz and cut by
+its hand's velocity alone, a difference of past positions. A cut within 5 % of the demonstration's length of a label
 is right, each label counts once; F1 is taken over all cuts of a set. The boundaries still open when a demonstration
 ends are what `finish` makes of them.
 
@@ -25,6 +25,7 @@ from phri_analysis.errors import DataError, MissingInputError
 
 from . import _page
 
+TAKES_DATA = True
 VARIABLE = "PHRI_ICSC_DATA"
 DT = 0.05  # [s]
 DT_UNSTATED = 0.01  # [s] of the recordings where the file names no sampling time: grating, peeling
@@ -133,9 +134,10 @@ def summary(rows: pd.DataFrame) -> tuple:
 
 
 def run(options) -> list:
-    path = os.environ.get(VARIABLE)
+    path = options.data or os.environ.get(VARIABLE)
     if not path:
-        raise MissingInputError(f"{VARIABLE} is not set: it names icsc_kinesthetic_ft.npz, which may not be shipped")
+        what = "it names icsc_kinesthetic_ft.npz, which may not be shipped"
+        raise MissingInputError(f"no --data, and {VARIABLE} is not set: {what}")
     rows = table(read(path))
     _page.write_csv(rows, options.out / "table.csv")
     record = {"study": "segmentation", "data": Path(path).name, "git_revision": simulate.git_revision() or "unknown",

@@ -22,7 +22,7 @@ def test_each_label_takes_one_cut_and_the_most_are_paired():
 def test_missing_and_wrong_data_are_named(tmp_path, monkeypatch):
     monkeypatch.delenv(segmentation.VARIABLE, raising=False)
     with pytest.raises(MissingInputError, match=segmentation.VARIABLE):
-        segmentation.run(SimpleNamespace(out=tmp_path))
+        segmentation.run(SimpleNamespace(out=tmp_path, data=None))
     with pytest.raises(MissingInputError, match="absent"):
         segmentation.read(tmp_path / "absent.npz")
     np.savez(tmp_path / "other.npz", x=np.zeros(3))
