@@ -21,11 +21,11 @@ fail()
 buildPrograms()
 {
   local log package
-  for package in phri_control phri_sim; do
+  for package in phri_control phri_learning phri_sim; do
     [ -f "$build/$package/CMakeCache.txt" ] || fail "$build/$package is not there: make build first" 66
   done
   log=$(mktemp)
-  for package in phri_control phri_sim; do
+  for package in phri_control phri_learning phri_sim; do
     # anew, because a target that CMake does not know yet does not make it look again
     if ! { cmake "$build/$package" && cmake --build "$build/$package" --target benchmarks; } >"$log" 2>&1; then
       tail -n 20 "$log" >&2

@@ -13,7 +13,8 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 BENCH = ROOT / "scripts" / "bench"
 BUILD = pathlib.Path(os.environ.get("PHRI_BUILD", ROOT / "catkin_ws" / "build"))
 BUILT = all((BUILD / package / "bench" / name).is_file()
-            for package, name in (("phri_sim", "bench_pipeline"), ("phri_control", "bench_mpc")))
+            for package, name in (("phri_sim", "bench_pipeline"), ("phri_control", "bench_mpc"),
+                                  ("phri_learning", "bench_hmm")))
 WHEEL = ROOT / ".venv" / "bench" / "bin" / "python"
 sys.path.insert(0, str(BENCH))
 import peer as peer_module  # noqa: E402
@@ -32,6 +33,7 @@ RISK = {"lq_plain/50": 5, "lq_plain/200": 20, "lq_plain/500": 50, "risk_force_no
         "risk_force_noise/3_sources/200": 120}
 CUMULANTS = {"Cumulants/T:50/S:2/K:2/p:4": 1000, "Cumulants/T:50/S:2/K:4/p:4": 3000,
              "Cumulants/T:500/S:2/K:4/p:4": 30000}
+LEARNING = {f"{work}/{states}": 10 for work in ("viterbi", "baum_welch") for states in (10, 20, 40)}
 MPC = {"backward": 20, "median": 60, "p999": 150, "allocations": 0}
 TICK = {"unit": "ns", "step": {"median": 1000, "p999": 5000}, "tick": {"median": 100, "p999": 900}}
 PROGRAM = """#!/bin/bash
@@ -172,6 +174,7 @@ def fakes(tmp_path):
         "phri_control/bench/bench_risk": entries(RISK),
         "phri_control/bench/bench_cumulants": entries(CUMULANTS),
         "phri_control/bench/bench_mpc": MPC,
+        "phri_learning/bench/bench_hmm": entries(LEARNING),
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         program(tmp_path / name, PROGRAM % json.dumps(output))

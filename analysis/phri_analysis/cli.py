@@ -1,5 +1,5 @@
 """Command line: `phri-analysis report|check|recover|lateness BAGS...`, `phri-analysis simulate EXPERIMENT`,
-`phri-analysis study NAME` and `phri-analysis figures [ID...]`.
+`phri-analysis learn DATA...`, `phri-analysis study NAME` and `phri-analysis figures [ID...]`.
 
 Errors are one line on stderr. Exit codes (sysexits.h): 0 done, 64 usage, 65 bad data, 66 missing input, 70 internal
 error, 74 cannot write, 78 bad configuration.
@@ -184,12 +184,41 @@ def lateness(bags, out):
     metavar="DIR",
     help="Folder for table.csv, report.html and session.yaml. [default: results/studies/NAME]",
 )
-def study(name, people, jobs, out):
-    """Runs the evaluation NAME (a module of analysis/studies) on simulated participants and reports on it."""
+@click.option("--data", type=click.Path(path_type=Path), default=None, metavar="PATH",
+              help="Data of your own, for the studies of recorded motions.")  # fmt: skip
+def study(name, people, jobs, out, data):
+    """Runs the evaluation NAME (a module of analysis/studies) on simulated participants, or on recorded motions, and
+    reports on it."""
     import studies
 
-    options = studies.Options(out or Path("results") / "studies" / name, jobs, people, sys.stderr.isatty())
+    folder = out or Path("results") / "studies" / name
+    options = studies.Options(folder, jobs, people, sys.stderr.isatty(), data)
     click.echo("\n".join(studies.run(name, options)))
+
+
+@cli.command()
+@click.argument("data", nargs=-1, required=True, metavar="DATA...", type=click.Path(path_type=Path))
+@click.option("--pose", default="", metavar="TOPIC", help="Pose topic of the bags. [default: the only one]")
+@click.option(
+    "--wrench", default="", metavar="TOPIC", help="The same for the wrench; none: learn from positions only."
+)
+@click.option("--segment", is_flag=True, help="Cut long recordings into segments first.")
+@click.option("--cutoff", type=float, default=0.6, show_default=True, metavar="K",
+              help="Segments of a primitive are nearer than K times the mean distance of all.")  # fmt: skip
+@click.option("--jobs", type=int, default=1, show_default=True, metavar="J", help="Processes on this machine.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=None,
+    metavar="DIR",
+    help="Folder for library.json, tables and pictures. [default: results/learn/NAME]",
+)
+def learn(data, pose, wrench, segment, cutoff, jobs, out):
+    """Learns movement primitives from demonstrations: bags, .csv, .npz, a LASA folder; says how well they predict."""
+    from . import learn as learning
+
+    folder = out or Path("results") / "learn" / data[0].stem
+    click.echo("\n".join(learning.run(data, folder, pose, wrench, segment, cutoff, jobs)))
 
 
 @cli.command()

@@ -6,6 +6,7 @@ draw besides the trajectories comes from `table.attrs`, each where given:
              "origin": [x, y] of the lower left corner [m]}; a map without a grid, as in bags of before they held it,
              is left out, and the panel says so
   start, goal  [x, y] [m]
+  path       list of [x, y] [m]: a line to follow
   obstacles  list of {"center": [x, y], "half_size": [x, y], "amplitude"} [m]: boxes that swing along x
 """
 
@@ -98,6 +99,8 @@ def draw_maze(axes, attrs: dict) -> None:
         corner = 1e3 * (box["center"][0] - half_x), 1e3 * (box["center"][1] - half_y)
         frame = {"fill": False, "edgecolor": "#999999", "hatch": "/////", "linewidth": 0.6, "zorder": 1}
         axes.add_patch(Rectangle(corner, 2e3 * half_x, 2e3 * half_y, **frame))
+    if attrs.get("path") is not None:
+        axes.plot(*(1e3 * np.array(attrs["path"]).T), color="#9aa0a8", linewidth=2.4, alpha=0.6, zorder=1)
     if attrs.get("turning_point_x") is not None:
         axes.axvline(attrs["turning_point_x"] * 1e3, color="#888888", linewidth=0.8, linestyle=(0, (5, 3)), zorder=1)
     for name, face in (("start", "#2e9d4f"), ("goal", "#cc2121")):

@@ -15,12 +15,14 @@ from phri_analysis.errors import UsageError
 
 @dataclass(frozen=True)
 class Options:
-    """`people`: None is the study's own number, fewer are a quick look; `progress`: show a bar."""
+    """`people`: None is the study's own number, fewer are a quick look; `progress`: show a bar; `data`: of the user's,
+    for a study with `TAKES_DATA = True`."""
 
     out: Path
     jobs: int = 1
     people: int | None = None
     progress: bool = False
+    data: Path | None = None
 
 
 def names() -> list:
@@ -40,4 +42,7 @@ def run(name: str, options: Options) -> list:
         raise UsageError(f"jobs is {options.jobs}, expected 1 or more")
     if options.people is not None and options.people < 2:
         raise UsageError(f"people is {options.people}, expected 2 or more: spreads and errors need them")
-    return load(name).run(options)
+    module = load(name)
+    if options.data is not None and not getattr(module, "TAKES_DATA", False):
+        raise UsageError(f"study {name} takes no data, --data is {options.data}")
+    return module.run(options)

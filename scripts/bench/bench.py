@@ -25,6 +25,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 PEERS = ("numpy", "crocoddyl", "crocoddyl_cpp", "hmmlearn", "mujoco", "pybullet")
 SIM_PROGRAMS = ("bench_tick", "bench_pipeline")
 CONTROL_PROGRAMS = ("bench_scenes", "bench_risk", "bench_cumulants", "bench_mpc")
+LEARNING_PROGRAMS = ("bench_hmm",)
 REQUEST_LIMIT = 600  # [s] a peer that does not answer is broken; crocoddyl_cpp compiles first
 PLANS = 5000  # of bench_mpc per round
 # what the rows need of the programs that measure more
@@ -123,7 +124,7 @@ def google(program, seconds):
     return entries
 
 
-def measure_ours(sim, control, seconds, plans):
+def measure_ours(sim, control, learning, seconds, plans):
     """{quantity: value} of one round, in the units of the rows."""
     tick = json.loads(output_of([sim / "bench_tick", 1]))
     ours = {f"tick_{part}_{key}": tick[part][key] for part in ("step", "tick") for key in ("median", "p999")}
@@ -138,6 +139,7 @@ def measure_ours(sim, control, seconds, plans):
                 ours[f"{entry['name']}/{part}"] = entry["cpu_time"] / entry[f"{part}s"]
     passes = {entry["name"]: entry["cpu_time"] for program in ("bench_risk", "bench_cumulants")
               for entry in google(control / program, seconds)}
+    ours.update({entry["name"]: entry["cpu_time"] for entry in google(learning / "bench_hmm", seconds)})
     mpc = json.loads(output_of([control / "bench_mpc", plans]))
     return {**ours, **scaling(passes), **{f"mpc_{key}": value for key, value in mpc.items()}}
 
@@ -160,8 +162,10 @@ def machine():
 
 
 def run(arguments):
-    sim, control = (arguments.build / package / "bench" for package in ("phri_sim", "phri_control"))
-    for program in (*(sim / name for name in SIM_PROGRAMS), *(control / name for name in CONTROL_PROGRAMS)):
+    sim, control, learning = (arguments.build / package / "bench"
+                              for package in ("phri_sim", "phri_control", "phri_learning"))
+    for program in (*(sim / name for name in SIM_PROGRAMS), *(control / name for name in CONTROL_PROGRAMS),
+                    *(learning / name for name in LEARNING_PROGRAMS)):
         if not program.is_file():
             print(f"bench: {program} is not there: scripts/bench.sh builds it", file=sys.stderr)
             return 66
@@ -174,10 +178,11 @@ def run(arguments):
                 case = pathlib.Path(folder) / "case.json"
                 output_of([sim / "bench_pipeline", f"--write_case={case}"])
                 output_of([control / "bench_scenes", f"--write_case={case.with_name('scenes.json')}"])
+                output_of([learning / "bench_hmm", f"--write_case={case.with_name('hmm.json')}"])
                 peers = [Peer(name, arguments, case, pathlib.Path(folder)) for name in PEERS]
             for number in range(rounds):
                 print(f"\rbench: round {number + 1} of {rounds}", end="", file=sys.stderr, flush=True)
-                ours.append(measure_ours(sim, control, seconds, plans))
+                ours.append(measure_ours(sim, control, learning, seconds, plans))
                 for peer in peers:
                     measured.setdefault(peer.name, []).append(peer.measure(seconds))
         finally:

@@ -5,9 +5,15 @@ viterbi: GaussianHMM.decode of 30 samples, 40 states, six dimensions, full covar
 prediction: decode over the two dimensions that tell the place, then the time in the movement and Gaussian mixture
 regression over the horizon in numpy, with the same formulas as TimeHmmModel (entry-corrected time, mean (3.5), five
 Gauss-Hermite nodes for the uncertain time). What does not depend on the window is computed beforehand, as in ours.
+viterbi_S: decode of 30 samples in six dimensions with S states. baum_welch_S: one iteration of fit over 12
+demonstrations of 500 samples in seven dimensions, no priors, implementation "scaling" (the faster one), from the same
+parameters.
 """
 
 import itertools
+import json
+import pathlib
+import sys
 
 import hmmlearn
 import numpy as np
@@ -74,6 +80,48 @@ class Predictor:
         return means, covariances
 
 
+class Training:
+    """An iteration of Baum-Welch from the parameters of the case."""
+
+    def __init__(self, before, demonstrations):
+        self.before = {key: np.array(before[key]) for key in ("initial", "transition", "mean_s", "ss")}
+        self.samples = np.concatenate(demonstrations)
+        self.lengths = [len(x) for x in demonstrations]
+
+    def iterate(self):
+        model = GaussianHMM(n_components=len(self.before["mean_s"]), covariance_type="full", n_iter=1, init_params="",
+                            implementation="scaling", covars_prior=0.0)
+        model.startprob_, model.transmat_ = self.before["initial"][0], self.before["transition"]
+        model.means_, model.covars_ = self.before["mean_s"], self.before["ss"]
+        return model.fit(self.samples, self.lengths)
+
+    def difference(self, case):
+        model, after = self.iterate(), case["after"]
+        return max(
+            peer.difference(model.monitor_.history, [case["log_likelihood"]]),
+            peer.difference(model.startprob_, after["initial"][0]),
+            peer.difference(model.transmat_, after["transition"]),
+            peer.difference(model.means_, after["mean_s"]),
+            peer.difference(model.covars_, after["ss"]),
+        )
+
+
+def learning_calls(cases):
+    """Calls and checks of the rows viterbi_S and baum_welch_S."""
+    calls, checks = {}, {}
+    demonstrations = [np.array(x) for x in cases.pop("demonstrations")]
+    for states, case in cases.items():
+        windows = [np.array(window) for window in case["windows"]]
+        decoder, following = gaussian_hmm(case["tracked"], windows[0].shape[1]), itertools.cycle(windows)
+        training = Training(case["before"], demonstrations)
+        checks[f"viterbi_{states}"] = peer.difference(
+            [decoder.decode(window)[1] for window in windows], np.array(case["paths"])[:, 0])
+        checks[f"baum_welch_{states}"] = training.difference(case)
+        calls[f"viterbi_{states}"] = lambda decode=decoder.decode, following=following: decode(next(following))
+        calls[f"baum_welch_{states}"] = training.iterate
+    return calls, checks
+
+
 def main():
     np.seterr(divide="ignore")  # log of the forbidden transitions
     case = peer.read_case()
@@ -91,11 +139,15 @@ def main():
         ),
     }
     following = itertools.cycle(windows)
+    learning = json.loads(pathlib.Path(sys.argv[1]).with_name("hmm.json").read_text(encoding="utf-8"))
+    calls, learning_checks = learning_calls(learning)
+    checks.update(learning_checks)
 
     def measure(seconds):
         return {
             "viterbi": peer.mean_time(lambda: decoder.decode(next(following)), seconds),
             "prediction": peer.mean_time(lambda: predictor.predict(place), seconds),
+            **{row: peer.mean_time(call, seconds) for row, call in calls.items()},
         }
 
     peer.serve(f"hmmlearn {hmmlearn.__version__}", checks, measure)

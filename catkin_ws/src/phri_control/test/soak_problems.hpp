@@ -1,6 +1,8 @@
 #pragma once
 // Random linear-quadratic problems of all sizes and scales for the soak tests, and what their comparison with the
 // stacked forms needs (risk_oracle.hpp, cumulant_oracle.hpp), which no recursion enters.
+#include <gtest/gtest.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -9,7 +11,7 @@
 
 #include "lq_fixtures.hpp"
 #include "phri_control/attitude.hpp"
-#include "soak.hpp"
+#include "phri_core/soak.hpp"
 
 namespace soak_problems
 {

@@ -11,7 +11,7 @@
 #include "phri_control/autodiff.hpp"
 #include "phri_control/mpc.hpp"
 #include "phri_control/planar_scene.hpp"
-#include "soak.hpp"
+#include "phri_core/soak.hpp"
 
 using namespace phri_control;
 using Eigen::MatrixXd;

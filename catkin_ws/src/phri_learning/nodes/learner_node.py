@@ -1,17 +1,24 @@
 #!/usr/bin/python3
-"""Learns a time-based HMM from the trials of a block and predicts with it at 50 Hz.
+"""Learns from the trials of a block and predicts at 50 Hz: a time-based HMM of whole trials, learned between them (kind
+time_hmm), or movement primitives, found and learned while they are made (kind emerging).
 
 Subscribes `observation` (phri_msgs/Observation) and `trial` (phri_msgs/Trial). A trial that was seen from its first
 observation to its last is a demonstration [x; xdot; u_h], (T, 6). Publishes `prediction/time_hmm` for every
 observation while a model is loaded, with the observation's stamp; empty while the model cannot tell.
 
+Kind emerging learns after every observation, within the callback, or with `threaded` (real time) in a thread of its own
+while predictions go on. Publishes `learner/primitives` (visualization_msgs/MarkerArray, latched) with each change: the
+primitives as lines over the scene, the tree as text beside them.
+
 Services (std_srvs/Trigger): ~learn fits a model on all demonstrations of the block and answers, when it is in use, with
-JSON {demonstrations, log_likelihood, seconds}; predictions go on from the old model meanwhile. ~forget begins a new
-block with nothing learned and reads the parameters again (the experiment node puts the experiment's settings there).
-~save and ~load a model file, model_path.
+JSON {demonstrations, log_likelihood or primitives, seconds}; predictions go on from the old model meanwhile. ~forget
+begins a new block with nothing learned and reads the parameters again (the experiment node puts the experiment's
+settings there). ~save and ~load a model file, model_path.
 
 Demonstrations outlive the process in `store`: at most the one of the running trial is lost with it. A restarted learner
-answers from the next trial on, for it has not seen the beginning of the running one.
+answers from the next trial on, for it has not seen the beginning of the running one; of kind emerging it goes through
+the demonstrations again, which in lockstep leaves it as it was. What it learned of a trial that the operator aborted
+stays: the person did move so.
 
 Exit codes: 0 ended by a signal, 65 unusable model file, 70 error in a callback, 78 bad parameters.
 """
@@ -31,13 +38,18 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from node_parameters import ParameterError, read
 from phri_msgs.msg import Observation, Prediction, Trial
 from std_srvs.srv import Trigger, TriggerResponse
+from visualization_msgs.msg import MarkerArray
+
+sys.path.insert(0, os.path.dirname(os.path.realpath(__file__)))  # the sources' folder, where catkin's wrapper is not
+from emerging_learner import Emerging, emerging_options, tree  # noqa: E402
 
 INTERNAL, DATA, CONFIGURATION = 70, 65, 78
 END_WAIT = 5.0  # [s] on the wall for the end of a trial, and its last observations, to arrive before learning
 QUEUE = 10000  # observations of a long trial: without a model nothing waits for this node
 
 SCHEMA = {  # key: (default, lowest, highest, meaning)
-    "states": (40, 2, 1000, "states of the HMM"),
+    "kind": ("time_hmm", None, None, "time_hmm, learned between trials, or emerging, learned during them"),
+    "states": (40, 2, 1000, "states of the HMM, of each primitive"),
     "reference": ("path", None, None, "path or displacement: what a prediction refers to"),
     "time": ("entry_corrected", None, None, "thesis, entry_corrected or regressed: progress in the model"),
     "recognition": ("position", None, None, "position, motion or all: what tells the progress"),
@@ -45,11 +57,19 @@ SCHEMA = {  # key: (default, lowest, highest, meaning)
     "window": (30, 1, 1000, "[samples] that recognition looks back"),
     "horizon": (0.2, 0.02, 5.0, "[s] of the predictions"),
     "dt": (0.02, 0.005, 0.1, "[s] between observations, and step of the predictions"),
+    "learning_dt": (0.05, 0.005, 1.0, "[s] emerging: between the samples learned from"),
+    "members": (3, 2, 100, "emerging: segments that make a primitive"),
+    "cutoff": (0.6, 0.01, 0.99, "emerging: K_cut of the clustering"),
+    "window_states": (20, 2, 1000, "emerging: states of the window HMM, even"),
+    "segment_window": (24, 2, 1000, "[samples] emerging: W of the segmentation"),
+    "switch_cost": (9.5, 1e-3, 1e6, "emerging: C of the segmentation"),
+    "lag": (35, 1, 1000, "[samples] emerging: a boundary rests before it is final"),
+    "threaded": (False, None, None, "emerging: learn in a thread of its own, for real time"),
     "model_path": ("", None, None, "model file: loaded at the start if it exists; of ~save and ~load"),
     "store": ("", None, None, "file that keeps the block's demonstrations; empty: none"),
 }
-CHOICES = {"reference": ("path", "displacement"), "time": ("thesis", "entry_corrected", "regressed"),
-           "recognition": ("position", "motion", "all")}
+CHOICES = {"kind": ("time_hmm", "emerging"), "reference": ("path", "displacement"),
+           "time": ("thesis", "entry_corrected", "regressed"), "recognition": ("position", "motion", "all")}
 
 
 class Demonstrations:
@@ -90,8 +110,28 @@ class Learner:
         self.samples, self.whole, self.announced = [], False, None
         self.aborted = rospy.Time(0)  # session time up to which all observations are of aborted trials
         self.exit_code, self.error = 0, ""
+        self.primitives = rospy.Publisher("learner/primitives", MarkerArray, queue_size=5, latch=True)
         if settings["model_path"] and os.path.exists(settings["model_path"]):
-            self.use(phri_learning.TimeHmm.from_json(settings["model_path"]))
+            self.read_model()
+        elif self.emerging:
+            self.model = self.emerge(self.demonstrations.all)
+
+    @property
+    def emerging(self):
+        return self.settings["kind"] == "emerging"
+
+    def emerge(self, demonstrations, learner=None):
+        return Emerging(self.settings, demonstrations, lambda known: self.primitives.publish(tree(known)), self.fail,
+                        learner)
+
+    def read_model(self):
+        path = self.settings["model_path"]
+        if not self.emerging:
+            self.use(phri_learning.TimeHmm.from_json(path))
+            return
+        learner = phri_learning.PrimitiveLearner.from_json(emerging_options(self.settings), path)
+        with self.lock:
+            self.model = self.emerge([], learner)
 
     def use(self, hmm):
         names = ("window", "reference", "time", "recognition", "adapt_pace")
@@ -120,12 +160,15 @@ class Learner:
             try:
                 return callback(*arguments)
             except Exception as error:  # noqa: B902
-                rospy.logfatal("%s\n%s", error, traceback.format_exc())
-                self.exit_code, self.error = INTERNAL, f"{type(error).__name__}: {error}"
-                self.report_once()
-                rospy.signal_shutdown("error in a callback")
+                self.fail(error)
                 return None
         return call
+
+    def fail(self, error):
+        rospy.logfatal("%s\n%s", error, traceback.format_exc())
+        self.exit_code, self.error = INTERNAL, f"{type(error).__name__}: {error}"
+        self.report_once()
+        rospy.signal_shutdown("error in a callback")
 
     def on_observation(self, message):
         with self.lock:
@@ -140,6 +183,8 @@ class Learner:
             self.samples.append([*message.state, *message.human_wrench])
             if self.model:
                 self.predictions.publish(self.predict(message))
+                if self.emerging:
+                    self.model.study()
             self.end_of_trial()
 
     def predict(self, message):
@@ -147,7 +192,7 @@ class Learner:
         self.model.observe(phri_core.Observation(message.t, np.array(message.state), np.array(message.human_wrench),
                                                  np.array(message.environment_wrench)))
         belief = self.model.predict(self.settings["horizon"], self.settings["dt"])
-        answer = Prediction(model="time_hmm")
+        answer = Prediction(model=self.settings["kind"])
         answer.header = message.header
         if belief is None:
             return answer
@@ -181,6 +226,11 @@ class Learner:
         if not known:
             return TriggerResponse(False, "no demonstration yet")
         start = time.monotonic()
+        if self.emerging:
+            with self.lock:
+                self.model.reset()
+            return TriggerResponse(True, json.dumps({"demonstrations": len(known), "primitives": self.model.primitives,
+                                                     "seconds": time.monotonic() - start}))
         hmm = phri_learning.TimeHmm(self.settings["states"], dt=self.settings["dt"]).fit(known)
         likelihood = sum(hmm.score(demonstration) for demonstration in known)
         self.use(hmm)
@@ -195,16 +245,19 @@ class Learner:
         with self.lock:
             self.settings = settings
             self.demonstrations.clear()
-            self.hmm = self.model = None
+            if isinstance(self.model, Emerging):
+                self.model.end()
+            self.hmm = None
+            self.model = self.emerge([]) if self.emerging else None
             self.samples, self.whole, self.announced = [], False, None
             self.lock.notify_all()
         return TriggerResponse(True, "nothing known")
 
     def save(self, _):
-        path, hmm = self.settings["model_path"], self.hmm
-        if not path or hmm is None:
+        path, model = self.settings["model_path"], self.model.learner if self.emerging else self.hmm
+        if not path or model is None:
             return TriggerResponse(False, "no model to save" if path else "model_path is empty")
-        hmm.to_json(path)
+        model.to_json(path)
         return TriggerResponse(True, path)
 
     def load(self, _):
@@ -212,7 +265,7 @@ class Learner:
         if not path:
             return TriggerResponse(False, "model_path is empty")
         try:
-            self.use(phri_learning.TimeHmm.from_json(path))
+            self.read_model()
         except (phri_learning.ModelFileError, ValueError) as error:
             rospy.logerr("%s; the previous model stays", error)
             return TriggerResponse(False, str(error))
@@ -228,6 +281,7 @@ class Learner:
                                   level=DiagnosticStatus.ERROR if self.error else DiagnosticStatus.OK,
                                   message=self.error or ("predicting" if self.model else "nothing learned"))
         status.values = [KeyValue("demonstrations", str(len(self.demonstrations.all))),
+                         KeyValue("primitives", str(getattr(self.model, "primitives", "none"))),
                          KeyValue("samples of the running trial", str(len(self.samples)))]
         message = DiagnosticArray(status=[status])
         message.header.stamp = rospy.Time.now()

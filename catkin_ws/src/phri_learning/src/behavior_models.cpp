@@ -3,6 +3,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -52,6 +53,18 @@ Reference referenceNamed(const std::string& name)
 {
   return named<Reference>("reference", name,
                           { { "path", Reference::kPath }, { "displacement", Reference::kDisplacement } });
+}
+
+ForecastSettings forecastNamed(const std::string& name)
+{
+  using Pair = std::pair<Reference, TimeEstimate>;
+  ForecastSettings settings;
+  std::tie(settings.reference, settings.time) =
+      named<Pair>("predictor", name,
+                  { { "thesis", { Reference::kPath, TimeEstimate::kThesis } },
+                    { "entry_corrected", { Reference::kPath, TimeEstimate::kEntryCorrected } },
+                    { "displacement", { Reference::kDisplacement, TimeEstimate::kRegressed } } });
+  return settings;
 }
 
 TimeEstimate timeEstimateNamed(const std::string& name)

@@ -9,87 +9,185 @@ namespace phri_learning
 namespace
 {
 constexpr double kNegligible = -36.0;  // log of a probability lost against 1 in double precision
+constexpr double kSmallest = -700.0;   // log of what counts as 0: e^-708 is the smallest normal number
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kLeastTransition = 1e-6;  // keeps every state reachable and every state leavable
+constexpr double kEmpty = 1e-12;           // [samples] of responsibility that count as none
 
-void expect(const TimeHmm& hmm, const Eigen::MatrixXd& x, Expectation* sums)
+struct Posterior
 {
-  const int states = hmm.states(), components = hmm.components();
-  const Eigen::Index samples = x.rows();
-  const Eigen::MatrixXd component = hmm.logComponents(x);
-  Eigen::MatrixXd emission(states, samples), alpha(states, samples), beta(states, samples);
+  Eigen::MatrixXd gamma;       // (S, T)
+  Eigen::VectorXd stay, next;  // (S) expected transitions; the last of `next` stays 0
+  double log_likelihood = 0.0;
+};
+
+/// Forward-backward in probabilities, those of every sample divided by their sum. What is lost because it is smaller
+/// than e^-700 of the rest could grow again, at most by what the remaining sums amount to; false if that could matter.
+bool scaledPosterior(const TimeHmm& hmm, const Eigen::MatrixXd& emission, Posterior* result)
+{
+  constexpr double kLargestLoss = 600.0;  // less than -kSmallest: e^-100 of the likelihood is lost
+  const Eigen::Index states = hmm.states(), samples = emission.cols(), moves = states - 1;
+  const Eigen::RowVectorXd top = emission.colwise().maxCoeff();
+  if (!top.allFinite())
+    return false;
+  Eigen::ArrayXXd b = emission.rowwise() - top;
+  b = (b < kSmallest).select(0.0, b.exp());  // one by one: most are far below, and no exp is computed for them
+  const Eigen::ArrayXd stay = hmm.parameters().transition.diagonal();
+  const Eigen::ArrayXd next = hmm.parameters().transition.diagonal(1);
+  Eigen::ArrayXXd alpha(states, samples);
+  Eigen::ArrayXd scale(samples), beta = Eigen::ArrayXd::Ones(states), ahead(states);
+  double loss = 0.0;
   for (Eigen::Index t = 0; t < samples; ++t)
-    for (int i = 0; i < states; ++i)
+  {
+    if (t == 0)
+      alpha.col(0) = hmm.parameters().initial;
+    else
     {
-      double total = component(static_cast<Eigen::Index>(i) * components, t);
-      for (int k = 1; k < components; ++k)
-        total = logAdd(total, component(static_cast<Eigen::Index>(i) * components + k, t));
-      emission(i, t) = total;
+      alpha.col(t) = alpha.col(t - 1) * stay;
+      alpha.col(t).tail(moves) += alpha.col(t - 1).head(moves) * next;
     }
+    alpha.col(t) *= b.col(t);
+    const double sum = alpha.col(t).sum();
+    loss -= std::log(sum);
+    if (!(loss < kLargestLoss))
+      return false;
+    scale(t) = 1.0 / sum;
+    alpha.col(t) *= scale(t);
+  }
+  result->log_likelihood = top.sum() - loss;
+  result->stay = result->next = Eigen::VectorXd::Zero(states);
+  result->gamma.resize(states, samples);
+  result->gamma.col(samples - 1) = alpha.col(samples - 1);
+  for (Eigen::Index t = samples - 1; t-- > 0;)
+  {
+    ahead = b.col(t + 1) * beta * scale(t + 1);
+    result->stay.array() += alpha.col(t) * ahead;
+    result->next.head(moves).array() += alpha.col(t).head(moves) * ahead.tail(moves);
+    beta = stay * ahead;
+    beta.head(moves) += next * ahead.tail(moves);
+    result->gamma.col(t) = alpha.col(t) * beta;
+  }
+  result->stay.array() *= stay;
+  result->next.head(moves).array() *= next;
+  return true;
+}
+
+/// The same in logarithms: several times slower, but one sample may favour a state by e^1000.
+void logPosterior(const TimeHmm& hmm, const Eigen::MatrixXd& emission, Posterior* result)
+{
+  const Eigen::Index states = hmm.states(), samples = emission.cols();
   const Eigen::VectorXd &stay = hmm.logStay(), &next = hmm.logNext();
+  Eigen::MatrixXd alpha(states, samples), beta(states, samples);
   alpha.col(0) = hmm.logStart(Start::kBeginning) + emission.col(0);
   for (Eigen::Index t = 1; t < samples; ++t)
-    for (int i = 0; i < states; ++i)
+    for (Eigen::Index i = 0; i < states; ++i)
       alpha(i, t) =
           emission(i, t) + logAdd(alpha(i, t - 1) + stay(i), i > 0 ? alpha(i - 1, t - 1) + next(i - 1) : -kInfinity);
   beta.col(samples - 1).setZero();
   for (Eigen::Index t = samples - 1; t-- > 0;)
-    for (int i = 0; i < states; ++i)
+    for (Eigen::Index i = 0; i < states; ++i)
       beta(i, t) = logAdd(stay(i) + emission(i, t + 1) + beta(i, t + 1),
                           i + 1 < states ? next(i) + emission(i + 1, t + 1) + beta(i + 1, t + 1) : -kInfinity);
   double likelihood = alpha(0, samples - 1);
-  for (int i = 1; i < states; ++i)
+  for (Eigen::Index i = 1; i < states; ++i)
     likelihood = logAdd(likelihood, alpha(i, samples - 1));
-  sums->log_likelihood += likelihood;
-
-  const Eigen::Index count = component.rows(), d = x.cols();
-  Eigen::VectorXd n = Eigen::VectorXd::Zero(count), nt = n, ntt = n;
-  Eigen::MatrixXd nx = Eigen::MatrixXd::Zero(count, d), ntx = nx;
-  const double middle = 0.5 * static_cast<double>(samples - 1);  // sums of squares about the middle keep more digits
-  for (Eigen::Index t = 0; t < samples; ++t)
-    for (int i = 0; i < states; ++i)
+  result->log_likelihood = likelihood;
+  const Eigen::ArrayXXd log_gamma = (alpha + beta).array() - likelihood;
+  result->gamma = (log_gamma > kSmallest).select(log_gamma.exp(), 0.0);  // Eigen's exp(-inf) is e^-708, not 0
+  result->stay = result->next = Eigen::VectorXd::Zero(states);
+  for (Eigen::Index t = 0; t + 1 < samples; ++t)
+    for (Eigen::Index i = 0; i < states; ++i)
     {
       const double at = alpha(i, t) - likelihood;
-      if (t + 1 < samples && at > -kInfinity)
-      {
-        sums->stay(i) += std::exp(at + stay(i) + emission(i, t + 1) + beta(i, t + 1));
-        if (i + 1 < states)
-          sums->next(i) += std::exp(at + next(i) + emission(i + 1, t + 1) + beta(i + 1, t + 1));
-      }
-      const double log_gamma = at + beta(i, t);
-      if (!(log_gamma > kNegligible))
+      if (!(at > -kInfinity))
         continue;
-      if (t == 0)
-        sums->start(i) += std::exp(log_gamma);
-      for (int k = 0; k < components; ++k)
-      {
-        const Eigen::Index c = static_cast<Eigen::Index>(i) * components + k;
-        const double gamma = std::exp(log_gamma + component(c, t) - emission(i, t));
-        const double time = static_cast<double>(t) - middle;
-        n(c) += gamma;
-        nt(c) += gamma * time;
-        ntt(c) += gamma * time * time;
-        nx.row(c) += gamma * x.row(t);
-        ntx.row(c) += gamma * time * x.row(t);
-        sums->xx[static_cast<std::size_t>(c)].noalias() += gamma * x.row(t).transpose() * x.row(t);
-      }
+      result->stay(i) += std::exp(at + stay(i) + emission(i, t + 1) + beta(i, t + 1));
+      if (i + 1 < states)
+        result->next(i) += std::exp(at + next(i) + emission(i + 1, t + 1) + beta(i + 1, t + 1));
     }
-  for (Eigen::Index c = 0; c < count; ++c)
+}
+
+/// Log-density of every state from those of its components (S K, T).
+Eigen::MatrixXd stateEmissions(const Eigen::MatrixXd& component, int components)
+{
+  if (components == 1)
+    return component;
+  Eigen::MatrixXd emission(component.rows() / components, component.cols());
+  for (Eigen::Index t = 0; t < emission.cols(); ++t)
+    for (Eigen::Index i = 0; i < emission.rows(); ++i)
+    {
+      double total = component(i * components, t);
+      for (int k = 1; k < components; ++k)
+        total = logAdd(total, component(i * components + k, t));
+      emission(i, t) = total;
+    }
+  return emission;
+}
+
+void expect(const TimeHmm& hmm, const Eigen::MatrixXd& x, Numerics numerics, Expectation* sums)
+{
+  const int components = hmm.components();
+  const Eigen::Index samples = x.rows(), d = x.cols();
+  const Eigen::MatrixXd component = hmm.logComponents(x);
+  const Eigen::MatrixXd emission = stateEmissions(component, components);
+  Posterior posterior;
+  if (numerics == Numerics::kLogarithms || !scaledPosterior(hmm, emission, &posterior))
+    logPosterior(hmm, emission, &posterior);
+  sums->log_likelihood += posterior.log_likelihood;
+  sums->stay += posterior.stay;
+  sums->next += posterior.next;
+  sums->start += posterior.gamma.col(0);
+
+  // per component the sums of 1, t, t^2, x, t x and the lower half of x x', with t about the middle: more digits
+  const Eigen::Index first_x = 3, first_tx = 3 + d, first_xx = 3 + 2 * d;
+  const double middle = 0.5 * static_cast<double>(samples - 1), negligible = std::exp(kNegligible);
+  Eigen::VectorXd moment(first_xx + d * (d + 1) / 2);
+  Eigen::MatrixXd moments = Eigen::MatrixXd::Zero(moment.size(), component.rows());
+  for (Eigen::Index t = 0; t < samples; ++t)
   {
-    if (!(n(c) > 0.0))
+    const double time = static_cast<double>(t) - middle;
+    moment.head(3) << 1.0, time, time * time;
+    moment.segment(first_x, d) = x.row(t);
+    moment.segment(first_tx, d) = time * moment.segment(first_x, d);
+    double* product = moment.data() + first_xx;  // plain loops: pieces this short cost Eigen more to set up
+    for (const double* first = moment.data() + first_x; first < moment.data() + first_tx; ++first)
+      for (const double* second = first; second < moment.data() + first_tx; ++second)
+        *product++ = *first * *second;
+    for (Eigen::Index i = 0; i < emission.rows(); ++i)
+    {
+      const double gamma = posterior.gamma(i, t);
+      if (!(gamma > negligible))
+        continue;
+      for (Eigen::Index c = i * components; c < (i + 1) * components; ++c)
+        moments.col(c) +=
+            components == 1 ? gamma * moment : gamma * std::exp(component(c, t) - emission(i, t)) * moment;
+    }
+  }
+  for (Eigen::Index c = 0; c < component.rows(); ++c)
+  {
+    const auto sum = moments.col(c);
+    const double n = sum(0);
+    if (!(n > 0.0))
       continue;
-    const double own_mean = nt(c) / n(c);  // mu_t^e about the middle, in samples
+    const double own_mean = sum(1) / n;  // mu_t^e about the middle, in samples
     const double dt = hmm.dt(), mean = (own_mean + middle) * dt;
-    sums->n(c) += n(c);
-    sums->t(c) += n(c) * mean;
-    sums->demo_tt(c) += n(c) * mean * mean;
-    sums->within_tt(c) += std::max(0.0, ntt(c) - own_mean * nt(c)) * dt * dt;
-    sums->x.row(c) += nx.row(c);
-    sums->within_tx.row(c) += (ntx.row(c) - own_mean * nx.row(c)) * dt;
+    sums->n(c) += n;
+    sums->t(c) += n * mean;
+    sums->demo_tt(c) += n * mean * mean;
+    sums->within_tt(c) += std::max(0.0, sum(2) - own_mean * sum(1)) * dt * dt;
+    sums->x.row(c) += sum.segment(first_x, d);
+    sums->within_tx.row(c) += (sum.segment(first_tx, d) - own_mean * sum.segment(first_x, d)) * dt;
+    Eigen::MatrixXd& xx = sums->xx[static_cast<std::size_t>(c)];
+    for (Eigen::Index j = 0, at = first_xx; j < d; at += d - j, ++j)
+    {
+      xx.col(j).tail(d - j) += sum.segment(at, d - j);
+      xx.row(j).tail(d - j - 1) += sum.segment(at + 1, d - j - 1).transpose();
+    }
   }
 }
 }  // namespace
 
-Expectation expectation(const TimeHmm& model, const std::vector<Eigen::MatrixXd>& demonstrations)
+Expectation expectation(const TimeHmm& model, const std::vector<Eigen::MatrixXd>& demonstrations, Numerics numerics)
 {
   const Eigen::Index states = model.states(), count = states * model.components(), d = model.dimension();
   Expectation sums;
@@ -98,7 +196,41 @@ Expectation expectation(const TimeHmm& model, const std::vector<Eigen::MatrixXd>
   sums.x = sums.within_tx = Eigen::MatrixXd::Zero(count, d);
   sums.xx.assign(static_cast<std::size_t>(count), Eigen::MatrixXd::Zero(d, d));
   for (const Eigen::MatrixXd& x : demonstrations)
-    expect(model, x, &sums);
+    expect(model, x, numerics, &sums);
   return sums;
 }
+
+void maximize(const Expectation& sums, const Eigen::MatrixXd& pooled, double strength, TimeHmmParameters* p)
+{
+  const Eigen::Index states = p->transition.rows(), components = p->weights.cols();
+  p->initial = sums.start / sums.start.sum();
+  for (Eigen::Index i = 0; i < states; ++i)
+  {
+    const double left = sums.stay(i) + sums.next(i);
+    if (i + 1 < states && left > 0.0)
+    {
+      const double next = std::min(std::max(sums.next(i) / left, kLeastTransition), 1.0 - kLeastTransition);
+      p->transition(i, i) = 1.0 - next;
+      p->transition(i, i + 1) = next;
+    }
+    const double occupancy = sums.n.segment(i * components, components).sum();
+    for (Eigen::Index k = 0; k < components; ++k)
+    {
+      const Eigen::Index c = i * components + k;
+      const double n = sums.n(c);
+      if (!(n > kEmpty))
+        continue;
+      p->weights(i, k) = n / occupancy;
+      p->mean_s.row(c) = sums.x.row(c) / n;
+      const Eigen::MatrixXd own =
+          sums.xx[static_cast<std::size_t>(c)] / n - p->mean_s.row(c).transpose() * p->mean_s.row(c);
+      p->ss[static_cast<std::size_t>(c)] =
+          withEigenvalueFloor(strength > 0.0 ? ((n * own + strength * pooled) / (n + strength)).eval() : own, p->scale,
+                              p->covariance_floor);
+    }
+    if (occupancy > kEmpty)
+      p->weights.row(i) /= p->weights.row(i).sum();
+  }
+}
+
 }  // namespace phri_learning

@@ -16,7 +16,6 @@ namespace phri_learning
 {
 namespace
 {
-constexpr double kLeastTransition = 1e-6;  // keeps every state reachable and every state leavable
 constexpr double kStarvedOccupancy = 0.5;  // a state that is passed at all holds at least one sample
 constexpr double kEmpty = 1e-12;           // [samples] of responsibility that count as none
 constexpr double kRepeatVariance = 0.01;   // before any repetition: it deviates by 10 % of the data's scale
@@ -37,40 +36,6 @@ Eigen::MatrixXd meanCovariance(const std::vector<Eigen::MatrixXd>& covariances)
   return sum / static_cast<double>(covariances.size());
 }
 
-/// The spatial M-step; a component that holds nothing keeps what it had. `strength` samples of covariance `pooled` are
-/// the prior of every covariance.
-void maximize(const Expectation& sums, const Eigen::MatrixXd& pooled, double strength, TimeHmmParameters* p)
-{
-  const Eigen::Index states = p->transition.rows(), components = p->weights.cols();
-  p->initial = sums.start / sums.start.sum();
-  for (Eigen::Index i = 0; i < states; ++i)
-  {
-    const double left = sums.stay(i) + sums.next(i);
-    if (i + 1 < states && left > 0.0)
-    {
-      const double next = std::min(std::max(sums.next(i) / left, kLeastTransition), 1.0 - kLeastTransition);
-      p->transition(i, i) = 1.0 - next;
-      p->transition(i, i + 1) = next;
-    }
-    const double occupancy = sums.n.segment(i * components, components).sum();
-    for (Eigen::Index k = 0; k < components; ++k)
-    {
-      const Eigen::Index c = i * components + k;
-      const double n = sums.n(c);
-      if (!(n > kEmpty))
-        continue;
-      p->weights(i, k) = n / occupancy;
-      p->mean_s.row(c) = sums.x.row(c) / n;
-      const Eigen::MatrixXd own =
-          sums.xx[static_cast<std::size_t>(c)] / n - p->mean_s.row(c).transpose() * p->mean_s.row(c);
-      p->ss[static_cast<std::size_t>(c)] =
-          withEigenvalueFloor((n * own + strength * pooled) / (n + strength), p->scale, p->covariance_floor);
-    }
-    if (occupancy > kEmpty)
-      p->weights.row(i) /= p->weights.row(i).sum();
-  }
-}
-
 /// Log of the inverse-Wishart-like prior that `maximize` assumes, up to a constant.
 double logPrior(const TimeHmmParameters& p, const Eigen::MatrixXd& pooled, double strength)
 {
@@ -86,9 +51,10 @@ double logPrior(const TimeHmmParameters& p, const Eigen::MatrixXd& pooled, doubl
 
 /// Time statistics (3.2)-(3.3), and the final covariances: what the time explains within a state stays untouched, only
 /// the rest is drawn towards its mean over the states. The joint covariance of time and space is then positive
-/// definite.
-void timeStatistics(const Expectation& sums, double strength, TimeHmmParameters* p)
+/// definite. Returns the states in which that rest had to be raised to the floor.
+std::vector<int> timeStatistics(const Expectation& sums, double strength, TimeHmmParameters* p)
 {
+  std::vector<int> collapsed;
   const std::size_t count = p->ss.size();
   const Eigen::Index d = p->scale.size();
   std::vector<Eigen::MatrixXd> rest(count, Eigen::MatrixXd::Zero(d, d));
@@ -111,11 +77,17 @@ void timeStatistics(const Expectation& sums, double strength, TimeHmmParameters*
   {
     const Eigen::Index c = static_cast<Eigen::Index>(index);
     const double n = sums.n(c);
-    if (n > kEmpty)
-      p->ss[index] =
-          p->ts.row(c).transpose() * p->ts.row(c) / p->tt(c) +
-          withEigenvalueFloor((n * rest[index] + strength * pooled) / (n + strength), p->scale, p->covariance_floor);
+    if (!(n > kEmpty))
+      continue;
+    bool raised = false;
+    p->ss[index] = p->ts.row(c).transpose() * p->ts.row(c) / p->tt(c) +
+                   withEigenvalueFloor((n * rest[index] + strength * pooled) / (n + strength), p->scale,
+                                       p->covariance_floor, &raised);
+    const int state = static_cast<int>(c / p->weights.cols());
+    if (raised && (collapsed.empty() || collapsed.back() != state))
+      collapsed.push_back(state);
   }
+  return collapsed;
 }
 
 /// Equal time slices of every demonstration; K components are spread along the slice's main axis.
@@ -338,7 +310,7 @@ TrainingResult train(const std::vector<Eigen::MatrixXd>& demonstrations, const T
     sums = expectation(TimeHmm(p), standard);
     ++iterations;
   }
-  timeStatistics(used, strength, &p);
+  const std::vector<int> collapsed = timeStatistics(used, strength, &p);
   p.repeat_variance = kRepeatVariance / static_cast<double>(standard.size());
   std::vector<int> starved = replaceStarved(used, prior, &p);
   calibrate(standard, &p);
@@ -350,6 +322,6 @@ TrainingResult train(const std::vector<Eigen::MatrixXd>& demonstrations, const T
     p.ss[static_cast<std::size_t>(c)] = p.ss[static_cast<std::size_t>(c)].cwiseProduct(scale * scale.transpose());
   }
   p.scale = scale;
-  return { TimeHmm(p, options.formulas), trace, iterations, converged, starved };
+  return { TimeHmm(p, options.formulas), trace, iterations, converged, starved, collapsed };
 }
 }  // namespace phri_learning

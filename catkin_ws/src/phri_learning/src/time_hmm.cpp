@@ -15,17 +15,6 @@ namespace
 {
 constexpr double kLogTwoPi = 1.8378770664093454836;
 
-double logSumExp(const double* values, int count)
-{
-  const double top = *std::max_element(values, values + count);
-  if (!std::isfinite(top))
-    return top;
-  double sum = 0.0;
-  for (int k = 0; k < count; ++k)
-    sum += std::exp(values[k] - top);
-  return top + std::log(sum);
-}
-
 void requireProbabilities(const std::string& name, const Eigen::MatrixXd& rows)
 {
   constexpr double kTolerance = 1e-9;  // rounding of sums of up to some hundred probabilities
@@ -42,10 +31,19 @@ void requireProbabilities(const std::string& name, const Eigen::MatrixXd& rows)
 
 }  // namespace
 
-Eigen::MatrixXd withEigenvalueFloor(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& scale, double floor)
+Eigen::MatrixXd withEigenvalueFloor(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& scale, double floor,
+                                    bool* raised)
 {
-  const Eigen::MatrixXd units = scale * scale.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(covariance.cwiseQuotient(units));
+  const Eigen::MatrixXd units = scale * scale.transpose(), unitless = covariance.cwiseQuotient(units);
+  const Eigen::Index d = scale.size();
+  // positive definite above the floor: cheaper to see than eigenvalues
+  const bool fine =
+      Eigen::LLT<Eigen::MatrixXd>(unitless - floor * Eigen::MatrixXd::Identity(d, d)).info() == Eigen::Success;
+  if (raised)
+    *raised = !fine;
+  if (fine)
+    return 0.5 * (covariance + covariance.transpose());
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unitless);
   const Eigen::VectorXd values = eigen.eigenvalues().cwiseMax(floor);
   const Eigen::MatrixXd clipped = eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
   return (0.5 * (clipped + clipped.transpose())).cwiseProduct(units);
@@ -111,10 +109,11 @@ void TimeHmm::validate() const
     const Eigen::MatrixXd unitless = p.ss[c].cwiseQuotient(units);
     if (!((unitless - unitless.transpose()).cwiseAbs().maxCoeff() <= 1e-9 * unitless.cwiseAbs().maxCoeff()))
       throw std::invalid_argument("ss" + at + " is not symmetric");
-    const double smallest = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(unitless).eigenvalues().minCoeff();
-    if (!(smallest > 0.0))
-      throw std::invalid_argument("ss" + at + " has the smallest eigenvalue " + std::to_string(smallest) +
-                                  " (in units of scale), expected > 0");
+    if (Eigen::LLT<Eigen::MatrixXd>(unitless).info() != Eigen::Success)
+      throw std::invalid_argument(
+          "ss" + at + " has the smallest eigenvalue " +
+          std::to_string(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(unitless).eigenvalues().minCoeff()) +
+          " (in units of scale), expected > 0");
     phri_core::requireRange("tt" + at, p.tt(c), 1e-6 * p.dt * p.dt, 1e300, "s^2");
     phri_core::requireRange("between_tt" + at, p.between_tt(c), 0.0, 1e300, "s^2");
     const double explained = p.ts.row(c) * p.ss[c].llt().solve(p.ts.row(c).transpose());
@@ -137,8 +136,7 @@ void TimeHmm::precompute()
 
   center_ = p.mean_s.colwise().mean();
   mean_columns_ = p.mean_s.transpose();
-  whitening_.resize(count * d, d);
-  whitened_mean_.resize(count * d);
+  whitening_.setZero(kLanes * (d * (d + 3) / 2), (count + kLanes - 1) / kLanes);
   log_norm_.resize(count);
   log_time_norm_.resize(count);
   slope_.resize(d, count);
@@ -149,9 +147,12 @@ void TimeHmm::precompute()
   {
     const Eigen::LLT<Eigen::MatrixXd> cholesky(p.ss[c]);
     const Eigen::MatrixXd factor = cholesky.matrixL();
-    whitening_.middleRows(c * d, d) =
-        factor.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(d, d)).eval();
-    whitened_mean_.segment(c * d, d) = whitening_.middleRows(c * d, d) * (mean_columns_.col(c) - center_);
+    const Eigen::MatrixXd whitening = factor.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(d, d));
+    const Eigen::VectorXd whitened_mean = whitening * (mean_columns_.col(c) - center_);
+    double* lane = whitening_.col(c / kLanes).data() + c % kLanes;
+    for (Eigen::Index i = 0; i < d; ++i)
+      for (Eigen::Index j = -1; j <= i; ++j, lane += kLanes)
+        *lane = j < 0 ? -whitened_mean(i) : whitening(i, j);
     const double log_weight = std::log(p.weights(c / components_, c % components_));
     log_norm_(c) = log_weight - 0.5 * static_cast<double>(d) * kLogTwoPi - factor.diagonal().array().log().sum();
     log_time_norm_(c) = log_weight - 0.5 * std::log(p.tt(c));
@@ -197,7 +198,6 @@ TimeHmm::Scratch TimeHmm::scratch() const
 {
   const Eigen::Index count = static_cast<Eigen::Index>(states_) * components_;
   Scratch s;
-  s.whitened.resize(count * dimension_);
   s.component.resize(count);
   s.weight.resize(count);
   s.mean.resize(dimension_);
@@ -206,96 +206,4 @@ TimeHmm::Scratch TimeHmm::scratch() const
   return s;
 }
 
-void TimeHmm::logEmission(const Eigen::Ref<const Eigen::VectorXd>& x, Scratch* scratch,
-                          Eigen::Ref<Eigen::VectorXd> out) const
-{
-  scratch->other = x - center_;
-  scratch->whitened = -whitened_mean_;
-  scratch->whitened.noalias() += whitening_ * scratch->other;
-  for (int i = 0; i < states_; ++i)
-  {
-    for (int k = 0; k < components_; ++k)
-    {
-      const Eigen::Index c = static_cast<Eigen::Index>(i) * components_ + k;
-      scratch->component(c) = log_norm_(c) - 0.5 * scratch->whitened.segment(c * dimension_, dimension_).squaredNorm();
-    }
-    const double* first = scratch->component.data() + static_cast<Eigen::Index>(i) * components_;
-    out(i) = components_ == 1 ? *first : logSumExp(first, components_);
-  }
-}
-
-Eigen::MatrixXd TimeHmm::logComponents(const Eigen::Ref<const Eigen::MatrixXd>& x) const
-{
-  requireSamples(x);
-  Eigen::MatrixXd whitened = whitening_ * (x.rowwise() - center_.transpose()).transpose();
-  whitened.colwise() -= whitened_mean_;
-  Eigen::MatrixXd result(log_norm_.size(), x.rows());
-  for (Eigen::Index t = 0; t < x.rows(); ++t)
-    for (Eigen::Index c = 0; c < log_norm_.size(); ++c)
-      result(c, t) = log_norm_(c) - 0.5 * whitened.col(t).segment(c * dimension_, dimension_).squaredNorm();
-  return result;
-}
-
-Eigen::VectorXd TimeHmm::logStart(Start start) const
-{
-  if (start == Start::kAnywhere)
-    return Eigen::VectorXd::Constant(states_, -std::log(static_cast<double>(states_)));
-  return parameters_.initial.array().log();
-}
-
-double TimeHmm::score(const Eigen::Ref<const Eigen::MatrixXd>& x, Start start) const
-{
-  requireSamples(x);
-  Scratch work = scratch();
-  Eigen::VectorXd emission(states_), alpha = logStart(start);
-  for (Eigen::Index t = 0; t < x.rows(); ++t)
-  {
-    logEmission(x.row(t).transpose(), &work, emission);
-    if (t > 0)
-      for (int i = states_ - 1; i >= 0; --i)
-        alpha(i) = i > 0 ? logAdd(alpha(i) + log_stay_(i), alpha(i - 1) + log_next_(i - 1)) : alpha(i) + log_stay_(i);
-    alpha += emission;
-  }
-  return logSumExp(alpha.data(), states_);
-}
-
-std::vector<int> TimeHmm::viterbi(const Eigen::Ref<const Eigen::MatrixXd>& x, Start start) const
-{
-  requireSamples(x);
-  Scratch work = scratch();
-  Eigen::VectorXd emission(states_), best = logStart(start);
-  std::vector<char> entered(static_cast<std::size_t>(x.rows()) * states_, 0);
-  for (Eigen::Index t = 0; t < x.rows(); ++t)
-  {
-    logEmission(x.row(t).transpose(), &work, emission);
-    if (t > 0)
-      for (int i = states_ - 1; i >= 0; --i)
-      {
-        const double stay = best(i) + log_stay_(i);
-        const double next = i > 0 ? best(i - 1) + log_next_(i - 1) : -std::numeric_limits<double>::infinity();
-        entered[static_cast<std::size_t>(t) * states_ + i] = next > stay;
-        best(i) = std::max(stay, next);
-      }
-    best += emission;
-  }
-  std::vector<int> path(static_cast<std::size_t>(x.rows()));
-  Eigen::Index last = 0;
-  best.maxCoeff(&last);
-  int state = static_cast<int>(last);
-  for (std::size_t t = path.size(); t-- > 0;)
-  {
-    path[t] = state;
-    state -= entered[t * states_ + state];
-  }
-  return path;
-}
-
-void TimeHmm::requireSamples(const Eigen::Ref<const Eigen::MatrixXd>& x) const
-{
-  if (x.rows() < 1 || x.cols() != dimension_)
-    throw std::invalid_argument("samples have the shape (" + std::to_string(x.rows()) + ", " +
-                                std::to_string(x.cols()) + "), expected (at least 1, " + std::to_string(dimension_) +
-                                ")");
-  phri_core::requireFinite("samples", x);
-}
 }  // namespace phri_learning

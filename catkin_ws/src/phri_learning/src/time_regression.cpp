@@ -1,7 +1,6 @@
 // Gaussian mixture regression of TimeHmm: (3.5)-(3.7) and the law of total variance around it.
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "phri_core/check.hpp"
 #include "phri_learning/time_hmm.hpp"
@@ -97,16 +96,11 @@ void TimeHmm::timeWithin(int state, const Eigen::Ref<const Eigen::VectorXd>& x, 
 {
   const Eigen::Index first = static_cast<Eigen::Index>(state) * components_;
   Eigen::VectorXd& logs = scratch->component;
-  double top = -std::numeric_limits<double>::infinity();
-  for (Eigen::Index c = first; components_ > 1 && c < first + components_; ++c)
+  double top = 0.0;
+  if (components_ > 1)
   {
-    scratch->other = x - center_;
-    const auto rows = whitening_.middleRows(c * dimension_, dimension_);
-    scratch->whitened.head(dimension_).noalias() = rows * scratch->other;
-    logs(c) =
-        log_norm_(c) -
-        0.5 * (scratch->whitened.head(dimension_) - whitened_mean_.segment(c * dimension_, dimension_)).squaredNorm();
-    top = std::max(top, logs(c));
+    logComponent(x, scratch);
+    top = logs.segment(first, components_).maxCoeff();
   }
   double sum = 0.0, first_moment = 0.0, second_moment = 0.0;
   for (Eigen::Index c = first; c < first + components_; ++c)

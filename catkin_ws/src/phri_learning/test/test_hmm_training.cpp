@@ -73,6 +73,105 @@ TEST(Training, expectationEqualsTheSumOverAllPaths)
   EXPECT_LT((sums.next - next / total).cwiseAbs().maxCoeff(), kRounding);
 }
 
+/// Largest difference of two E-steps' sums, relative to the largest sum of their kind.
+double difference(const Expectation& a, const Expectation& b)
+{
+  double worst = std::abs(a.log_likelihood - b.log_likelihood) / std::abs(b.log_likelihood);
+  const auto compare = [&worst](const Eigen::MatrixXd& x, const Eigen::MatrixXd& y) {
+    worst = std::max(worst, (x - y).cwiseAbs().maxCoeff() / std::max(1.0, y.cwiseAbs().maxCoeff()));
+  };
+  compare(a.stay, b.stay);
+  compare(a.next, b.next);
+  compare(a.start, b.start);
+  compare(a.n, b.n);
+  compare(a.t, b.t);
+  compare(a.within_tt, b.within_tt);
+  compare(a.demo_tt, b.demo_tt);
+  compare(a.x, b.x);
+  compare(a.within_tx, b.within_tx);
+  for (std::size_t c = 0; c < a.xx.size(); ++c)
+    compare(a.xx[c], b.xx[c]);
+  return worst;
+}
+
+TEST(Training, scaledProbabilitiesEqualLogarithms)
+{
+  constexpr double kRounding = 1e-9;
+  const auto demonstrations = movements(9, 4);
+  for (const int states : { 1, 2, 10, 40 })
+    for (int components = 1; components <= 2; ++components)
+    {
+      const TimeHmm model = train(demonstrations, options(states, 0.0, components)).model;
+      const Expectation scaled = expectation(model, demonstrations),
+                        logarithms = expectation(model, demonstrations, Numerics::kLogarithms);
+      EXPECT_LT(difference(scaled, logarithms), kRounding);
+      // every demonstration starts in state 0: exactly, or a later iteration could make something of the rest
+      EXPECT_TRUE((scaled.start.tail(states - 1).array() == 0.0).all());
+      EXPECT_TRUE((logarithms.start.tail(states - 1).array() == 0.0).all());
+    }
+}
+
+TEST(Training, pathsThatOneSampleMakesHopelessAreNotLost)
+{
+  // states at 0 and 1, both possible first; the first sample favours the last state by e^800, which no double can hold
+  // beside 1, the two after it the first state by e^650 each: the path through the first state wins by e^500
+  TimeHmmParameters p = testing::randomModel(1, 2, 1, 1);
+  p.initial << 0.5, 0.5;
+  p.mean_s << 0.0, 1.0;
+  p.ts.setZero();
+  for (Eigen::MatrixXd& ss : p.ss)
+    ss << 1.0 / 1300.0;
+  const auto favoursLastBy = [](double nat) { return 0.5 + nat / 1300.0; };
+  Eigen::MatrixXd x(3, 1);
+  x << favoursLastBy(800.0), favoursLastBy(-650.0), favoursLastBy(-650.0);
+  const TimeHmm model(p);
+  const Expectation sums = expectation(model, { x });
+  EXPECT_NEAR(sums.n(0), 3.0, 1e-12);
+  EXPECT_NEAR(sums.log_likelihood, model.score(x), 1e-9 * std::abs(sums.log_likelihood));
+  EXPECT_LT(difference(sums, expectation(model, { x }, Numerics::kLogarithms)), 1e-12);
+}
+
+TEST(Training, reportsCollapsedStates)
+{
+  // six plateaus without any spread: every state's covariance is at the floor; movements with noise: none is
+  Eigen::MatrixXd plateaus(120, 2);
+  for (int t = 0; t < 120; ++t)
+    plateaus.row(t).setConstant(t / 20);
+  const TrainingResult result = train({ plateaus }, options(6, 0.0));
+  EXPECT_EQ(result.collapsed, (std::vector<int>{ 0, 1, 2, 3, 4, 5 }));
+  expectFinite(result.model);
+  phri_core::Random random(10);
+  Eigen::MatrixXd noisy = plateaus;
+  for (int t = 0; t < 120; ++t)
+    noisy.row(t) += Eigen::RowVector2d(0.3 * random.normal(), 0.3 * random.normal());
+  EXPECT_TRUE(train({ noisy }, options(6, 0.0)).collapsed.empty());
+}
+
+TEST(Training, findsTheModelThatMadeTheData)
+{
+  // 200 sequences of a known model, whose states last as long as the slices that training starts from (EM finds the
+  // optimum nearby): means and transitions within a few standard errors
+  TimeHmmParameters p = testing::randomModel(11, 3, 1, 2);
+  p.initial = Eigen::Vector3d(1.0, 0.0, 0.0);
+  for (int i = 0; i < 3; ++i)
+    p.mean_s.row(i) << 10.0 * i, -10.0 * i;
+  for (int i = 0; i < 2; ++i)
+    p.transition.row(i).segment(i, 2) << 0.9, 0.1;
+  const TimeHmm truth(p);
+  phri_core::Random random(12);
+  std::vector<Eigen::MatrixXd> demonstrations;
+  for (int e = 0; e < 200; ++e)
+    demonstrations.push_back(sample(truth, 30, &random));
+  const TimeHmmParameters found = train(demonstrations, options(3, 0.0)).model.parameters();
+  for (int i = 0; i < 3; ++i)
+  {
+    const double deviation = std::sqrt(p.ss[static_cast<std::size_t>(i)].diagonal().maxCoeff());
+    EXPECT_LT((found.mean_s.row(i) - p.mean_s.row(i)).cwiseAbs().maxCoeff(), 4.0 * deviation / std::sqrt(1000.0));
+  }
+  for (int i = 0; i < 2; ++i)  // at least 1000 samples in each state
+    EXPECT_NEAR(found.transition(i, i + 1), p.transition(i, i + 1), 4.0 * 0.3 / std::sqrt(1000.0));
+}
+
 TEST(Training, neverDecreasesTheLikelihood)
 {
   constexpr double kRounding = 1e-9;  // relative to the log-likelihood of some thousand samples

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Runs a session: participants x controllers x trials, one bag each, the learner learning in between.
+"""Runs a session: participants x controllers x trials, one bag each, the learner learning in between (or all the time).
 
 Leaves in bag_dir: the bags; session.yaml (seed, configuration, revision, every bag with its SHA-256, ratings);
 session.status, one line `<exit code> <reason>`, because roslaunch returns 0 whatever happens.
@@ -113,14 +113,15 @@ class Session:
     def run_once(self, spec, trials, known, last):
         """The response of one trial, after which the learner knows known + 1 demonstrations (unless it is the block's
         last trial); None when the learner was lost on the way. What it left is put aside then."""
-        response = self.call_trial(spec, trials, known > 0)
+        predicting = known > 0 or self.experiment.learns_on
+        response = self.call_trial(spec, trials, predicting)
         while response.reason == RunTrialResponse.ABORTED:
             time.sleep(RESET_PAUSE)  # at the end of everything the node hears of it before this one
             if rospy.is_shutdown():
                 raise SessionError(INTERNAL, "interrupted")
             rospy.loginfo("trial %d of participant %d under %s starts again: %s", spec.trial, spec.participant,
                           spec.controller, response.message)
-            response = self.call_trial(spec, trials, known > 0)
+            response = self.call_trial(spec, trials, predicting)
         if response.reason == RunTrialResponse.PEER_LOST:
             return None
         if not response.success:
@@ -167,8 +168,9 @@ class Session:
         report = json.loads(self.ask("learn"))
         if report["demonstrations"] != expected:
             raise LearnerLost(f"{self.learner} knows {report['demonstrations']} demonstrations, expected {expected}")
-        rospy.loginfo("learned from %d demonstrations in %.2f s, log-likelihood %.1f", expected, report["seconds"],
-                      report["log_likelihood"])
+        result = (f"{report['primitives']} primitives" if "primitives" in report
+                  else f"log-likelihood {report['log_likelihood']:.1f}")
+        rospy.loginfo("learned from %d demonstrations in %.2f s, %s", expected, report["seconds"], result)
 
     def insist(self, act):
         """Does what needs the learner; if it is lost, waits until it is back and tries once more."""

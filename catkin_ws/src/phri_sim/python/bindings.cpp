@@ -95,6 +95,21 @@ py::dict attributes(const Experiment& experiment, const TrialLog& log)
   attrs["completed"] = log.completed;
   attrs["failed_plans"] = log.failed_plans;
   attrs["simulated_participants"] = true;
+  if (!scene.path.empty())
+  {
+    py::list path;
+    for (const Eigen::Vector2d& x : scene.path)
+      path.append(std::vector<double>{ x(0), x(1) });
+    attrs["path"] = path;
+    attrs["pace"] = experiment.pace;
+  }
+  if (!experiment.assistance_off.empty())
+    attrs["assistance_off"] = !experiment.assists(log.spec.trial);
+  if (log.primitives >= 0)
+  {
+    attrs["primitives"] = log.primitives;
+    attrs["predicted"] = log.plans > 0 ? double(log.predictions.size()) / log.plans : 0.0;
+  }
   py::list obstacles;
   for (const MovingObstacle& obstacle : scene.obstacles)
   {
@@ -299,6 +314,11 @@ PYBIND11_MODULE(phri_sim, m)
       .def_readonly("participants", &Experiment::participants)
       .def_readonly("trials", &Experiment::trials)
       .def_readonly("seed", &Experiment::seed)
+      .def_readonly("assistance_off", &Experiment::assistance_off, "Trials with predictions, but without assistance.")
+      .def_readonly("pace", &Experiment::pace, "[s] of the exemplary run to follow; 0: none")
+      .def_property_readonly(
+          "learns_on", [](const Experiment& e) { return e.model.emerging(); },
+          "Whether the model learns during the trials, not between them.")
       .def_property_readonly(
           "traits", [](const Experiment& e) { return e.population.traits; },
           "Distributions of the population: [Trait].")

@@ -136,6 +136,16 @@ void handModelSettings(const phri_sim::NodeSetup& setup)
   learner.setParam("window", model.window);
   learner.setParam("horizon", model.horizon);
   learner.setParam("dt", model.dt);
+  const phri_learning::EmergingOptions& learning = model.learning;
+  learner.setParam("kind", model.kind);
+  learner.setParam("learning_dt", learning.dt);
+  learner.setParam("members", learning.primitives.members);
+  learner.setParam("cutoff", learning.primitives.cutoff);
+  learner.setParam("window_states", learning.window_states);
+  learner.setParam("segment_window", learning.segmentation.window);
+  learner.setParam("switch_cost", learning.segmentation.switch_cost);
+  learner.setParam("lag", learning.segmentation.lag);
+  learner.setParam("threaded", setup.settings.realtime());
 }
 
 int run(const std::string& name)

@@ -49,6 +49,11 @@ LiveView::LiveView(ros::NodeHandle& node, ros::NodeHandle& private_node, std::sh
     markers_(private_node.advertise<visualization_msgs::MarkerArray>("markers", kQueue)),
     map_(node.advertise<nav_msgs::OccupancyGrid>("map", 1, true))
 {
+  if (experiment_->pace > 0.0)
+  {
+    route_ = planRoute(*experiment_->scene, 0.0);
+    pace_.emplace(*route_, experiment_->pace);
+  }
   map_.publish(occupancyGrid(*experiment_->scene, now));
   static_transforms_.sendTransform(mazeTransform(now));
 }
@@ -104,6 +109,8 @@ void LiveView::draw(const phri_control::TickRecord& record, const std::string& c
   picture.obstacles = &obstacles_;
   picture.prediction = prediction_ ? &*prediction_ : nullptr;
   picture.trail = &trail_;
+  const Eigen::Vector2d dot = pace_ ? route_->position(pace_->at(record.time_ns * 1e-9)) : Eigen::Vector2d(0, 0);
+  picture.dot = pace_ ? &dot : nullptr;
   picture.title = participant_ + "     " + controller + "     " + trial_;
   if (markers_.getNumSubscribers() > 0)
     markers_.publish(markers(*experiment_->scene, picture, stamp));

@@ -54,6 +54,8 @@ private:
   tf2_ros::StaticTransformBroadcaster static_transforms_;
   Throttle fast_{ std::chrono::microseconds(10000) }, slow_{ std::chrono::microseconds(33333) };
 
+  std::optional<Route> route_;  // with a pace
+  std::optional<Pace> pace_;
   std::vector<MovingObstacle> obstacles_;
   std::optional<phri_core::Prediction> prediction_;
   std::deque<Eigen::Vector2d> trail_;

@@ -20,8 +20,9 @@ struct Color
 constexpr Color kObject{ 0.15f, 0.15f, 0.18f }, kStart{ 0.18f, 0.62f, 0.31f }, kGoal{ 0.80f, 0.13f, 0.13f },
     kObstacle{ 0.45f, 0.47f, 0.52f }, kTrail{ 0.35f, 0.38f, 0.45f, 0.8f }, kHuman{ 0.12f, 0.42f, 0.80f },
     kAssistance{ 0.90f, 0.45f, 0.05f }, kEnvironment{ 0.75f, 0.12f, 0.20f }, kPrediction{ 0.55f, 0.25f, 0.70f },
-    kText{ 0.15f, 0.15f, 0.18f };
+    kText{ 0.15f, 0.15f, 0.18f }, kPath{ 0.55f, 0.60f, 0.66f }, kDot{ 0.0f, 0.0f, 0.0f };
 
+constexpr double kDotRadius = 0.0045;  // [m]
 constexpr double kMetresPerNewton = 0.002;
 constexpr double kShown = 0.2;           // [N] smaller forces are not drawn
 constexpr double kChiSquared95 = 5.991;  // 2 degrees of freedom
@@ -143,6 +144,16 @@ MarkerArray markers(const Scene& scene, const LivePicture& picture, const ros::T
 {
   const phri_control::TickRecord& record = *picture.record;
   MarkerArray out;
+  if (!scene.path.empty())
+  {
+    Marker path = marker("path", 0, Marker::LINE_STRIP, kPath, stamp);
+    path.scale.x = 0.0016;
+    for (const Eigen::Vector2d& x : scene.path)
+      path.points.push_back(point(x, 0.0015));
+    out.markers.push_back(path);
+  }
+  if (picture.dot)
+    out.markers.push_back(disc("dot", 0, kDot, stamp, *picture.dot, kDotRadius, 0.011));
   out.markers.push_back(disc("start", 0, kStart, stamp, scene.start, scene.goal_radius, 0.001));
   out.markers.push_back(disc("goal", 0, kGoal, stamp, scene.goal, scene.goal_radius, 0.001));
   out.markers.push_back(disc("object", 0, kObject, stamp, record.position, scene.object_radius, 0.010));

@@ -20,12 +20,13 @@ struct LivePicture
   const phri_control::TickRecord* record = nullptr;
   const std::vector<MovingObstacle>* obstacles = nullptr;
   const phri_core::Prediction* prediction = nullptr;   ///< newest; may be null
+  const Eigen::Vector2d* dot = nullptr;                ///< of the exemplary run to follow [m]; may be null
   const std::deque<Eigen::Vector2d>* trail = nullptr;  ///< where the object has been [m]
   std::string title;                                   ///< of the trial
 };
 
-/// Object, start, goal, moving obstacles, trail, forces of human, robot and environment as arrows (2 mm per N), 95 %
-/// ellipses of the predicted positions, and a legend with the forces' sizes.
+/// Object, path to follow and dot of an exemplary run, start, goal, moving obstacles, trail, forces of human, robot and
+/// environment as arrows (2 mm per N), 95 % ellipses of the predicted positions, and a legend with the forces' sizes.
 visualization_msgs::MarkerArray markers(const Scene& scene, const LivePicture& picture, const ros::Time& stamp);
 
 nav_msgs::Path predictedPath(const phri_core::Prediction& prediction, const ros::Time& stamp);

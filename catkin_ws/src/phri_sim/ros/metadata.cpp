@@ -50,6 +50,20 @@ bool simulated(const std::string& human)
   return human == "simulated" || human == "replay";
 }
 
+/// As in a table without ROS (phri_sim.run_block).
+void addPath(json& attributes, const Experiment& experiment, const TrialSpec& spec)
+{
+  if (!experiment.scene->path.empty())
+  {
+    attributes["path"] = json::array();
+    for (const Eigen::Vector2d& x : experiment.scene->path)
+      attributes["path"].push_back(pair(x));
+    attributes["pace"] = experiment.pace;
+  }
+  if (!experiment.assistance_off.empty())
+    attributes["assistance_off"] = !experiment.assists(spec.trial);
+}
+
 json obstacles(const Scene& scene)
 {
   json boxes = json::array();
@@ -93,6 +107,7 @@ std::string metadata(const NodeSetup& setup, const TrialSpec& spec, bool complet
   attributes["changes"] = json::array();
   for (const Change& change : changes)
     attributes["changes"].push_back({ { "t", change.t }, { "what", change.what } });
+  addPath(attributes, experiment, spec);
   attributes["obstacles"] = obstacles(scene);
   return attributes.dump();
 }

@@ -1,4 +1,5 @@
 // The real-time half of TrialHost: tick, plan and record in three threads.
+#include <atomic>
 #include <deque>
 
 #include "phri_msgs/conversions.hpp"
@@ -26,6 +27,7 @@ void TrialHost::realtime(Run& run)
   std::mutex handover;  // between planner and drain, neither of them real-time
   std::deque<std::pair<phri_core::Prediction, phri_msgs::PredictionConstPtr>> planned;
   std::string planner_error;
+  std::atomic<std::int64_t> answered_ns{ 0 };
 
   RealtimeLoop loop(run.trial);
   const auto plan = [&] {
@@ -40,6 +42,7 @@ void TrialHost::realtime(Run& run)
       if (!run.use_model || !latest || !message || message->header.stamp < first || message->header.stamp <= used)
         continue;
       used = message->header.stamp;
+      answered_ns = (used - first).toNSec();  // a model that cannot tell answers, too
       const std::optional<phri_core::Prediction> prediction = phri_msgs::fromMessage(*message);
       if (!prediction)
         continue;
@@ -61,7 +64,6 @@ void TrialHost::realtime(Run& run)
   });
 
   const std::int64_t period_ns = std::llround(run.trial.experiment().model.dt * 1e9);
-  std::int64_t answered_ns = 0;
   phri_control::TickRecord record;
   const auto drain = [&] {
     while (loop.pop(record))
@@ -75,10 +77,7 @@ void TrialHost::realtime(Run& run)
     }
     const std::lock_guard<std::mutex> lock(handover);
     for (const auto& [prediction, message] : planned)
-    {
       run.output.predicted(prediction, *message, run.output.stamp(record.time_ns));
-      answered_ns = std::llround(prediction.t0 * 1e9);
-    }
     planned.clear();
     if (!planner_error.empty())
       throw std::runtime_error("planner: " + planner_error);

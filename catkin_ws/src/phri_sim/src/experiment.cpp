@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "phri_core/random.hpp"
+#include "phri_learning/behavior_models.hpp"
 
 namespace phri_sim
 {
@@ -17,6 +18,7 @@ struct ExperimentFile
 
   phri_core::ParameterTable table(Experiment& e)
   {
+    phri_learning::EmergingOptions& l = e.model.learning;
     phri_core::ParameterTable t;
     t.text("scene", &scene, {}, "file in config/scenes")
         .text("robot", &robot, {}, "file in config/robots")
@@ -27,7 +29,12 @@ struct ExperimentFile
         .integer("trials", &e.trials, "", 1, 1000, "per person and controller; the last one is evaluated")
         .integer("seed", &e.seed, "", 0, 2147483647, "of the study")
         .number("timeout", &e.timeout, "s", 1.0, 3600.0, "after which a trial ends without the goal")
-        .integer("model/states", &e.model.states, "", 2, 1000, "states of the time-based HMM")
+        .list("let_go/trials", &e.let_go_in, 0, "", 1.0, 1000.0, "in which the simulated person lets the handle go")
+        .number("let_go/after", &e.let_go_after, "s", 0.0, 3600.0, "from the start of such a trial")
+        .text("model/kind", &e.model.kind, { "time_hmm", "emerging" }, "learned between trials, or during them")
+        .integer("model/states", &e.model.states, "", 2, 1000, "states of the time-based HMM, of a primitive")
+        .number("pace", &e.pace, "s", 0.0, 3600.0, "of an exemplary run along the path, to be followed; 0: none")
+        .list("assistance_off", &e.assistance_off, 0, "", 1.0, 1000.0, "trials with predictions but without assistance")
         .text("model/reference", &e.model.reference, { "path", "displacement" }, "what a prediction refers to")
         .text("model/time", &e.model.time, { "thesis", "entry_corrected", "regressed" }, "how progress is estimated")
         .text("model/recognition", &e.model.recognition, { "position", "motion", "all" }, "what tells the progress")
@@ -35,7 +42,14 @@ struct ExperimentFile
         .flag("model/adapt_pace", &e.model.adapt_pace, "model time passes at the observed pace")
         .integer("model/window", &e.model.window, "samples", 1, 1000, "that recognition looks back")
         .number("model/dt", &e.model.dt, "s", 0.005, 0.1, "observations, predictions and plans are this far apart")
-        .number("model/horizon", &e.model.horizon, "s", 0.02, 5.0, "of the predictions");
+        .number("model/horizon", &e.model.horizon, "s", 0.02, 5.0, "of the predictions")
+        .number("model/learning/dt", &l.dt, "s", 0.005, 1.0, "emerging: samples learned from are this far apart")
+        .integer("model/learning/members", &l.primitives.members, "", 2, 100, "segments that make a primitive")
+        .number("model/learning/cutoff", &l.primitives.cutoff, "-", 0.01, 0.99, "K_cut of the clustering")
+        .integer("model/learning/window_states", &l.window_states, "", 2, 1000, "of the window HMM, even")
+        .integer("model/learning/segment_window", &l.segmentation.window, "samples", 2, 1000, "W of the segmentation")
+        .number("model/learning/switch_cost", &l.segmentation.switch_cost, "-", 1e-3, 1e6, "C of the segmentation")
+        .integer("model/learning/lag", &l.segmentation.lag, "samples", 1, 1000, "a boundary rests before it is final");
     return t;
   }
 };
@@ -130,6 +144,10 @@ Experiment loadExperiment(const std::string& name_or_path, const Parameters& ove
   if (std::abs(e.model.dt / e.loop.dt - e.replanTicks()) > 1e-9)
     errors.push_back(e.path + ": model/dt = " + std::to_string(e.model.dt) + " s: expected a multiple of the tick, " +
                      std::to_string(e.loop.dt) + " s");
+  if (e.pace > 0.0 && e.scene && e.scene->path.empty())
+    errors.push_back(e.path + ": pace = " + std::to_string(e.pace) + " s: expected 0 in a scene without a path");
+  if (e.model.emerging())
+    collect(errors, [&] { phri_learning::checkOptions(e.model.emergingOptions()); });
   if (picture && errors.size() == 1)
     throw *picture;  // nothing is wrong but the picture: bad data, not a bad configuration
   if (!errors.empty())
@@ -140,6 +158,19 @@ Experiment loadExperiment(const std::string& name_or_path, const Parameters& ove
   e.assistance.mass = e.loop.mass;
   e.assistance.damping = e.loop.damping;
   return e;
+}
+
+phri_learning::EmergingOptions ModelSettings::emergingOptions() const
+{
+  phri_learning::EmergingOptions options = learning;
+  options.dof = 2;
+  options.horizon = horizon;
+  options.reference = phri_learning::referenceNamed(reference);
+  options.time = phri_learning::timeEstimateNamed(time);
+  options.recognition = phri_learning::recognitionNamed(recognition);
+  options.recogniser.window = window;
+  options.primitives.training.states = states;
+  return options;
 }
 
 std::string parameterReference()

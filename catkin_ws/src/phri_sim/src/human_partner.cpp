@@ -14,6 +14,7 @@ constexpr double kReference = 10.0;        // k_1 [1/m] curvature at which the p
 constexpr double kStraight = 5.0;          // k_0 [1/m] less curvature makes nobody faster
 constexpr double kFastest = 1.8;           // of the comfortable speed
 constexpr double kAcceleration = 0.15;     // [m/s2] along the route
+constexpr double kCatchUp = 0.4;           // [s] in which a person is back at the dot of an exemplary run
 constexpr double kSideRate = 7.0;          // [1/s] critically damped: a dodge takes about half a second
 constexpr double kSideAcceleration = 0.4;  // [m/s2] nobody jerks 90 kg aside
 constexpr double kLookAhead = 0.8;         // [s]
@@ -36,7 +37,7 @@ Vector2d leftOf(const Vector2d& tangent)
 }  // namespace
 
 Intention::Intention(std::shared_ptr<const Scene> scene, std::shared_ptr<const Route> route, const Participant& person,
-                     std::uint64_t trial_seed)
+                     std::uint64_t trial_seed, double pace)
   : scene_(std::move(scene)),
     route_(std::move(route)),
     person_(person),
@@ -64,6 +65,8 @@ Intention::Intention(std::shared_ptr<const Scene> scene, std::shared_ptr<const R
   for (std::size_t k = 1; k < n; ++k)
     pace_[k] = std::min(pace_[k], std::sqrt(pace_[k - 1] * pace_[k - 1] + 2.0 * kAcceleration * route_->step));
   position = route_->points.front();
+  if (pace > 0.0)
+    dot_.emplace(*route_, pace);
 }
 
 double Intention::pace(double s) const
@@ -130,7 +133,9 @@ void Intention::step(double t, const Vector2d& x, const std::vector<MovingObstac
   pace_factor_ += kDt / 0.15 * (chosen_pace_ - pace_factor_);
   // the plan waits for an object that lags and follows one that is carried ahead
   const double lead = route_->project(x, s_, 0.05) - s_;
-  const double wanted = pace(s_) * pace_factor_ * std::clamp(1.0 + lead / 0.03, 0.0, kFastest);
+  double wanted = pace(s_) * pace_factor_ * std::clamp(1.0 + lead / 0.03, 0.0, kFastest);
+  if (dot_)  // its speed is seen, its lead is made up for
+    wanted = std::max(0.0, (dot_->at(t + 0.5 * kCatchUp) - dot_->at(t - 0.5 * kCatchUp) + dot_->at(t) - s_) / kCatchUp);
   const double change = std::clamp((wanted - s_dot_) / 0.1, -3.0 * kAcceleration, kAcceleration);
   s_dot_ = std::max(0.0, s_dot_ + kDt * change);
   s_ = std::min(route_->length(), s_ + kDt * s_dot_);
@@ -153,9 +158,9 @@ void Intention::step(double t, const Vector2d& x, const std::vector<MovingObstac
 
 HumanPartner::HumanPartner(std::shared_ptr<const Scene> scene, std::shared_ptr<const Route> route,
                            const Participant& person, int practice, double mass, double damping,
-                           std::uint64_t trial_seed)
+                           std::uint64_t trial_seed, double pace)
   : person_(person),
-    intention_(scene, route, person, trial_seed),
+    intention_(scene, route, person, trial_seed, pace),
     random_(phri_core::Random::stream(trial_seed, "motor noise")),
     mass_(mass),
     damping_(damping),

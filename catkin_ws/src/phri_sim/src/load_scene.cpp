@@ -15,6 +15,7 @@ namespace
 namespace fs = std::filesystem;
 using Eigen::Vector2d;
 constexpr double kWorkspace = 0.3;  // [m] of the haptic device: longer side of a picture that says nothing of its size
+constexpr double kPiece = 0.003;    // [m] longest straight one of a path
 constexpr double kClearance = 0.012;  // [m] wanted by the route that is tried at the start
 
 /// The keys of a scene file, as they stand in it.
@@ -27,6 +28,7 @@ struct SceneFile
   double goal_radius = 0.006, object_radius = 0.003, turning_x = NAN, stiffness = 2e4, damping = 1500.0;
   std::vector<double> obstacle_x, obstacle_y, obstacle_size{ 0.02, 0.01 }, period{ 3.0, 5.0 };
   double amplitude = 0.05;
+  std::vector<double> path_x, path_y;
   Parameters given;  ///< what the file says, to tell it from defaults
 
   bool has(const std::string& key) const { return given.count(key) > 0; }
@@ -48,6 +50,8 @@ struct SceneFile
         .number("turning_x", &turning_x, "m", -100.0, 100.0, "left of it the subtask narrow channel begins")
         .number("wall/stiffness", &stiffness, "N/m", 10.0, 5e4, "of walls and obstacles")
         .number("wall/damping", &damping, "Ns/m", 0.0, 1e4, "of walls and obstacles, while approaching")
+        .list("path/x", &path_x, 0, "m", -100.0, 100.0, "points of a line to follow from end to end; no picture needed")
+        .list("path/y", &path_y, 0, "m", -100.0, 100.0, "points of a line to follow")
         .list("obstacles/x", &obstacle_x, 0, "m", -100.0, 100.0, "centres of the moving boxes")
         .list("obstacles/y", &obstacle_y, 0, "m", -100.0, 100.0, "centres of the moving boxes")
         .list("obstacles/half_size", &obstacle_size, 2, "m", 1e-3, 10.0, "half width and height of the moving boxes")
@@ -93,14 +97,27 @@ SceneFile readFile(const std::string& path)
   }
   const bool vector_drawing = file.has("image") && std::holds_alternative<std::string>(file.given["image"]) &&
                               extension(std::get<std::string>(file.given["image"])) == ".svg";
-  if (!file.has("image"))
-    errors.push_back("image: missing; expected the name of a picture");
+  const bool blank = !file.has("image") && file.has("path/x");
+  if (!file.has("image") && !blank)
+    errors.push_back("image: missing; expected the name of a picture, or a path to follow");
+  else if (blank && file.has("resolution") && std::max(file.size[0], file.size[1]) / file.resolution > kLargestSide)
+    errors.push_back(text("resolution = ", file.resolution, " m/pixel over size = [", file.size[0], ", ", file.size[1],
+                          "] m: expected at most ", kLargestSide, " pixels along a side"));
+  else if (blank)
+    ;  // nothing but the path
   else if (!vector_drawing && file.has("size") == file.has("resolution"))
     errors.push_back(text("size [m] and resolution [m/pixel]: ", file.has("size") ? "both are" : "neither is",
                           " given; expected exactly one of them"));
   if (file.obstacle_x.size() != file.obstacle_y.size())
     errors.push_back(text("obstacles/x has ", file.obstacle_x.size(), " elements, obstacles/y ", file.obstacle_y.size(),
                           ": expected equally many"));
+  if (file.path_x.size() != file.path_y.size())
+    errors.push_back(
+        text("path/x has ", file.path_x.size(), " elements, path/y ", file.path_y.size(), ": expected equally many"));
+  else if (file.path_x.size() == 1)
+    errors.push_back("path: 1 point; expected at least 2");
+  if (!file.path_x.empty() && (file.has("start") || file.has("goal")))
+    errors.push_back("start, goal: given beside a path; expected neither, they are its ends");
   if (file.origin[2] != 0.0)
     errors.push_back(text("origin: yaw ", file.origin[2], " rad: expected 0"));
   if (vector_drawing && errors.empty() && std::max(file.size[0], file.size[1]) / file.resolution > kLargestSide + 0.5)
@@ -110,7 +127,7 @@ SceneFile readFile(const std::string& path)
                           " x ", kLargestSide));
   if (!errors.empty())
     throw phri_core::ParameterError(path, errors);
-  if (fs::path(file.image).is_relative())
+  if (!blank && fs::path(file.image).is_relative())
     file.image = (fs::path(path).parent_path() / file.image).string();
   return file;
 }
@@ -118,6 +135,15 @@ SceneFile readFile(const std::string& path)
 /// Reads the picture and settles the resolution.
 Picture readPictureOf(const std::string& path, SceneFile& file)
 {
+  if (file.image.empty())
+  {
+    const auto pixels = [&](double length) { return std::max(1, int(std::lround(length / file.resolution))); };
+    Picture blank;
+    blank.image.width = pixels(file.size[0]);
+    blank.image.height = pixels(file.size[1]);
+    blank.image.pixels.assign(std::size_t(blank.image.width) * std::size_t(blank.image.height), 255);
+    return blank;
+  }
   if (extension(file.image) == ".svg")
   {
     const auto pixels = [&](double length) { return std::max(1, int(std::lround(length / file.resolution))); };
@@ -146,9 +172,36 @@ struct Ends
   Vector2d start, goal;
 };
 
+/// A line through the path's points, cubic pieces whose tangent at a point is that of the chord between its neighbours
+/// (Catmull-Rom).
+std::vector<Vector2d> pathOf(const SceneFile& file)
+{
+  const int last = int(file.path_x.size()) - 1;
+  const auto point = [&](int k) {
+    k = std::clamp(k, 0, last);
+    return Vector2d(file.path_x[k], file.path_y[k]);
+  };
+  std::vector<Vector2d> line;
+  for (int k = 0; k < last; ++k)
+  {
+    const Vector2d a = point(k - 1), b = point(k), c = point(k + 1), d = point(k + 2);
+    const int pieces = std::max(1, int(std::ceil((c - b).norm() / kPiece)));
+    for (int i = 0; i < pieces; ++i)
+    {
+      const double u = double(i) / pieces;
+      line.push_back(b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a))));
+    }
+  }
+  if (last >= 0)
+    line.push_back(point(last));
+  return line;
+}
+
 /// Start and goal from the dots where the file gives none.
 Ends endsOf(const SceneFile& file, const Picture& picture, const Vector2d& origin)
 {
+  if (!file.path_x.empty())
+    return { { file.path_x.front(), file.path_y.front() }, { file.path_x.back(), file.path_y.back() } };
   std::string faults;
   const auto end = [&](const char* key, const std::vector<double>& given, const Dot& dot) {
     if (!file.has(key) && !dot.found)
@@ -181,7 +234,12 @@ void requirePassable(const std::string& path, const Scene& scene)
   }
   if (!faults.empty())
     throw PictureError(path + ": " + faults);
-  const Passage passage = widestPassage(scene.walls, scene.start, scene.goal, scene.object_radius);
+  for (const Vector2d& x : scene.path)
+    if (scene.clearance(x) <= 0.0)
+      throw PictureError(text(path, ": the path touches a wall at (", x(0), ", ", x(1),
+                              ") m: expected more than the object's radius, ", scene.object_radius, " m, to it"));
+  const Passage passage = scene.path.empty() ? widestPassage(scene.walls, scene.start, scene.goal, scene.object_radius)
+                                             : Passage{ 0.0, true };
   if (passage.width < 0.0)
     throw PictureError(path + ": no way leads from the start to the goal: walls separate them");
   if (!passage.fits)
@@ -224,6 +282,7 @@ Scene build(const std::string& path, SceneFile file)
   const bool painted = !file.has("goal") && !file.has("goal_radius");
   scene.goal_radius = painted ? std::max(file.goal_radius, picture.red.radius * file.resolution) : file.goal_radius;
   scene.object_radius = file.object_radius;
+  scene.path = pathOf(file);
   scene.turning_x = file.turning_x;
   scene.stiffness = file.stiffness;
   scene.damping = file.damping;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <queue>
+#include <stdexcept>
 
 namespace phri_sim
 {
@@ -15,6 +16,8 @@ constexpr int kMostCells = 1024;           // along the longer side: a million c
 constexpr double kSlowest = 0.05;          // pace next to a wall, relative to the free one
 constexpr double kSmoothing = 0.03;        // [m] width of the moving average
 constexpr double kRoundedClearance = 0.3;  // of the narrowest place of the line, at least kept when it is rounded
+constexpr double kStraight = 5.0;          // [1/m] less curvature makes an exemplary run no faster
+constexpr double kRunUp = 0.01;            // [m] within which it gathers and loses speed
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Arrival times at the goal over a grid, by first-order fast marching (Sethian 1996).
@@ -248,7 +251,8 @@ double Route::project(const Vector2d& x, double s, double reach) const
 Route planRoute(const Scene& scene, double preferred_clearance)
 {
   Route route;
-  route.points = rounded(scene, findLine(scene, preferred_clearance), route.step);
+  route.points = scene.path.empty() ? rounded(scene, findLine(scene, preferred_clearance), route.step)
+                                    : resample(scene.path, route.step);
   const int last = int(route.points.size()) - 1;
   if (last < 10)
     throw PictureError("scene " + scene.name + ": start and goal are nearer than 10 mm: expected a way to go");
@@ -268,5 +272,33 @@ Route planRoute(const Scene& scene, double preferred_clearance)
     route.curvature.push_back(std::atan2(a(0) * b(1) - a(1) * b(0), a.dot(b)) / (route.step * (ahead - behind)));
   }
   return route;
+}
+
+Pace::Pace(const Route& route, double duration) : step_(route.step), arrivals_(route.points.size(), 0.0)
+{
+  if (!(duration > 0.0))
+    throw std::invalid_argument("pace = " + std::to_string(duration) + " s: expected more than 0");
+  const std::size_t n = arrivals_.size();
+  for (std::size_t k = 1; k < n; ++k)
+  {
+    const double bend = std::max(std::abs(route.curvature[k]), kStraight);
+    const double from_end = step_ * double(std::min(k, n - k));
+    arrivals_[k] = arrivals_[k - 1] + std::cbrt(bend) * std::max(1.0, std::sqrt(kRunUp / from_end));
+  }
+  const double scale = duration / arrivals_.back();
+  for (double& time : arrivals_)
+    time *= scale;
+}
+
+double Pace::at(double t) const
+{
+  const std::size_t last = arrivals_.size() - 1;
+  if (t <= 0.0)
+    return 0.0;
+  if (t >= arrivals_[last])
+    return step_ * double(last);
+  const std::size_t next = std::size_t(std::upper_bound(arrivals_.begin(), arrivals_.end(), t) - arrivals_.begin());
+  const double part = (t - arrivals_[next - 1]) / (arrivals_[next] - arrivals_[next - 1]);
+  return step_ * (double(next - 1) + part);
 }
 }  // namespace phri_sim

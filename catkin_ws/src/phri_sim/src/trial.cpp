@@ -1,6 +1,7 @@
 #include "phri_sim/trial.hpp"
 
 #include "phri_learning/behavior_models.hpp"
+#include "phri_learning/emerging_partner.hpp"
 #include "phri_learning/hmm_training.hpp"
 #include "phri_sim/route.hpp"
 
@@ -9,6 +10,7 @@ namespace phri_sim
 namespace
 {
 constexpr int kDof = 2;
+constexpr double kReach = 0.02;         // [m] along a path that one may be ahead or back within a tick
 constexpr double kSettledSpeed = 0.02;  // [m/s] at the goal: arrived, not passing through
 
 std::shared_ptr<const Route> routeOf(const Experiment& experiment, const Participant& person)
@@ -21,18 +23,22 @@ class SimulatedHand : public Hand
 public:
   SimulatedHand(const Experiment& experiment, const Participant& person, const TrialSpec& spec)
     : human_(experiment.scene, routeOf(experiment, person), person, spec.practice, experiment.loop.mass(0),
-             experiment.loop.damping(0), spec.seed)
+             experiment.loop.damping(0), spec.seed, experiment.pace),
+      let_go_(experiment.letsGo(spec.trial))
   {
   }
   HandForce act(const HandleState& handle) noexcept override
   {
     HandForce out;
+    if (handle.t >= let_go_)
+      return out;
     out.force = human_.step(handle.t, handle.position, handle.velocity, handle.robot_force, *handle.obstacles);
     return out;
   }
 
 private:
   HumanPartner human_;
+  double let_go_;  // [s]
 };
 
 PredictedPosition atHorizon(const phri_core::Prediction& prediction, std::int64_t now_ns)
@@ -51,11 +57,14 @@ Trial::Trial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec
     device_(experiment_->sensors, experiment_->scene->start, spec.seed),
     hand_(std::move(hand)),
     loop_(experiment_->loop),
-    planner_(spec.controller, experiment_->assistance, experiment_->model.gate),
+    planner_(experiment_->assists(spec.trial) ? spec.controller : "none", experiment_->assistance,
+             experiment_->model.gate),
     replan_ticks_(experiment_->replanTicks())
 {
   if (!hand_)
     hand_ = std::make_unique<SimulatedHand>(*experiment_, person_, spec);
+  if (!experiment_->scene->path.empty())
+    path_ = planRoute(*experiment_->scene, person_.clearance);
   loop_.place(experiment_->scene->start);
   loop_.start();
 }
@@ -82,6 +91,11 @@ void Trial::step(double lateness)
   ++tick_;
   completed_ = (device_.position() - experiment_->scene->goal).norm() < experiment_->scene->goal_radius &&
                device_.velocity().norm() < kSettledSpeed;
+  if (path_)
+  {
+    progress_ = path_->project(device_.position(), progress_, kReach);
+    completed_ = completed_ && path_->length() - progress_ < kReach;
+  }
   timed_out_ = !completed_ && tick_ * dt >= experiment_->timeout;
 }
 
@@ -111,7 +125,7 @@ std::shared_ptr<phri_core::BehaviorModel> learn(const ModelSettings& settings,
 }
 
 TrialLog runTrial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec,
-                  std::shared_ptr<phri_core::BehaviorModel> model)
+                  std::shared_ptr<phri_core::BehaviorModel> model, const std::function<void()>& learn)
 {
   Trial trial(experiment, spec);
   TrialLog log;
@@ -120,6 +134,8 @@ TrialLog runTrial(std::shared_ptr<const Experiment> experiment, const TrialSpec&
   std::vector<Eigen::VectorXd> samples;
   if (model)
     model->reset();
+  if (learn)
+    learn();
   while (!trial.finished())
   {
     trial.step();
@@ -130,11 +146,14 @@ TrialLog runTrial(std::shared_ptr<const Experiment> experiment, const TrialSpec&
     samples.push_back(phri_learning::observationVector(observation, kDof));
     if (!model)
       continue;
+    ++log.plans;
     model->observe(observation);
     const auto prediction = model->predict(experiment->model.horizon, experiment->model.dt);
     if (prediction)
       log.predictions.push_back(atHorizon(*prediction, trial.record().time_ns));
     trial.plan(prediction);
+    if (learn)
+      learn();
   }
   log.completed = trial.completed();
   log.failed_plans = trial.failedPlans();
@@ -147,6 +166,18 @@ TrialLog runTrial(std::shared_ptr<const Experiment> experiment, const TrialSpec&
 std::vector<TrialLog> runBlock(std::shared_ptr<const Experiment> experiment, const Block& block)
 {
   std::vector<TrialLog> logs;
+  if (experiment->model.emerging())
+  {
+    const phri_learning::EmergingOptions options = experiment->model.emergingOptions();
+    const auto partner = std::make_shared<phri_learning::EmergingPartner>(options);
+    phri_learning::PrimitiveLearner learner(options);
+    for (const TrialSpec& spec : block.trials)
+    {
+      logs.push_back(runTrial(experiment, spec, partner, [&] { phri_learning::learn(partner.get(), &learner); }));
+      logs.back().primitives = partner->learned() ? int(partner->learned()->primitives.size()) : 0;
+    }
+    return logs;
+  }
   std::vector<Eigen::MatrixXd> demonstrations;
   for (const TrialSpec& spec : block.trials)
   {

@@ -38,6 +38,11 @@ Reference referenceNamed(const std::string& name);
 TimeEstimate timeEstimateNamed(const std::string& name);
 Recognition recognitionNamed(const std::string& name);
 
+/// How a TimeTracker forecasts, by name: "thesis": path at the time of (3.8) as printed; "entry_corrected": the same at
+/// the entry-corrected time; "displacement": displacement from the regressed time. Throws std::invalid_argument naming
+/// them.
+ForecastSettings forecastNamed(const std::string& name);
+
 /// The row [x; xdot; u_h] (3 dof) that the models of this package see, in the control frame [m, rad; m/s, rad/s; N,
 /// Nm]. Throws std::invalid_argument unless the observation has `dof` degrees of freedom and is finite.
 Eigen::VectorXd observationVector(const phri_core::Observation& observation, int dof);

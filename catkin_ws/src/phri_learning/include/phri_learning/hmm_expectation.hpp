@@ -1,5 +1,6 @@
 #pragma once
-/// E-step of the left-to-right HMM on SPATIAL emissions only; the times ride along with the responsibilities.
+/// E-step and M-step of the left-to-right HMM on SPATIAL emissions only; the times ride along with the
+/// responsibilities.
 
 #include <Eigen/Core>
 #include <vector>
@@ -23,8 +24,21 @@ struct Expectation
   std::vector<Eigen::MatrixXd> xx;  ///< S K times (d, d), sum g x x'
 };
 
-/// Forward-backward over demonstrations (T_e, d), in logarithms because one sample can favour a state by e^1000,
-/// restricted to the two bands of the transition matrix: O(T S (d^2 + 2)). Throws std::invalid_argument for samples of
-/// another dimension or not finite.
-Expectation expectation(const TimeHmm& model, const std::vector<Eigen::MatrixXd>& demonstrations);
+/// How forward-backward is computed; the result differs by rounding only.
+enum class Numerics
+{
+  kAutomatic,  ///< scaled probabilities, and logarithms for a demonstration on which these could lose a path
+  kLogarithms  ///< one sample can favour a state by e^1000; several times slower
+};
+
+/// Forward-backward over demonstrations (T_e, d), restricted to the two bands of the transition matrix: O(T S d^2).
+/// Throws std::invalid_argument for samples of another dimension or not finite.
+Expectation expectation(const TimeHmm& model, const std::vector<Eigen::MatrixXd>& demonstrations,
+                        Numerics numerics = Numerics::kAutomatic);
+
+/// The spatial M-step: initial, transition, weights, mean_s and ss of `p` from the sums; times stay. `strength` samples
+/// of covariance `pooled` (d, d) are the prior of every covariance; without (0), this is Baum-Welch with eigenvalues >=
+/// p->covariance_floor and transition probabilities within [1e-6, 1 - 1e-6]. A component that holds nothing keeps what
+/// it had; what is 0 in `transition` stays 0.
+void maximize(const Expectation& sums, const Eigen::MatrixXd& pooled, double strength, TimeHmmParameters* p);
 }  // namespace phri_learning

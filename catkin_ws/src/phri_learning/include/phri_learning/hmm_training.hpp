@@ -38,6 +38,9 @@ struct TrainingResult
   /// States that the data never reach: they keep their prior, i.e. the statistics of their equal time slice, placed
   /// after the end of the states that are reached.
   std::vector<int> starved;
+  /// States with a covariance that had to be raised to covariance_floor: they hold too few different samples for the
+  /// number of dimensions, or samples on a line. Prefer fewer states or more shrinkage.
+  std::vector<int> collapsed;
 };
 
 /// Trains on demonstrations (T_e, d) of any lengths T_e >= 1, sampled every dt. The E-step sees the SPATIAL part only;
@@ -49,6 +52,12 @@ struct TrainingResult
 /// restricted to eigenvalues >= covariance_floor (1e-4: a standard deviation of 1 % of the dimension's own) and
 /// transition probabilities to [1e-6, 1 - 1e-6]. Clipping solves both restricted M-steps exactly, hence log_likelihood
 /// never decreases. Deterministic: starts from equal time slices. Cost per iteration O(T S d^2).
+///
+/// The thesis calls (3.2)-(3.3) part of the M-step. With emissions of space AND time they would break the monotone
+/// likelihood: the mean over all demonstrations with the variance about each one's own is no maximum of any likelihood.
+/// Here time has no part in the responsibilities, so its statistics are taken once, after the last iteration, and the
+/// spatial iteration is plain EM. What comes after it (covariances drawn together in timeStatistics, states put back to
+/// their prior) is not in log_likelihood: score() of the model may be lower than its last entry.
 ///
 /// Throws std::invalid_argument: no demonstration, empty one, differing dimensions, not finite (names demonstration and
 /// sample), options out of range.

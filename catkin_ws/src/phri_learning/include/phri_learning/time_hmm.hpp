@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "phri_core/gaussian.hpp"
+#include "phri_core/random.hpp"
 
 namespace phri_learning
 {
@@ -49,8 +50,9 @@ struct TimeHmmParameters
 };
 
 /// Nearest symmetric matrix whose eigenvalues, after division by scale scale', are at least `floor`; given a sample
-/// covariance, this is also the maximum-likelihood covariance under that restriction.
-Eigen::MatrixXd withEigenvalueFloor(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& scale, double floor);
+/// covariance, this is also the maximum-likelihood covariance under that restriction. `raised`: whether one was below.
+Eigen::MatrixXd withEigenvalueFloor(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& scale, double floor,
+                                    bool* raised = nullptr);
 
 /// log(e^a + e^b); -inf stands for probability 0.
 inline double logAdd(double a, double b)
@@ -64,10 +66,11 @@ inline double logAdd(double a, double b)
 class TimeHmm
 {
 public:
+  static constexpr int kLanes = 4;  ///< components whose densities are computed together
   /// Memory for the run-time functions, so that they allocate nothing; one per thread.
   struct Scratch
   {
-    Eigen::VectorXd whitened, component, weight, mean, other;
+    Eigen::VectorXd component, weight, mean, other;
     Eigen::MatrixXd covariance;
   };
   /// means (N, d) with N covariances (d, d).
@@ -130,6 +133,7 @@ public:
                   double* variance) const;
 
 private:
+  void logComponent(const Eigen::Ref<const Eigen::VectorXd>& x, Scratch* scratch) const;
   void validate() const;
   void precompute();
   void timeWeights(double time, Scratch* scratch) const;
@@ -140,9 +144,10 @@ private:
   int states_ = 0, components_ = 0, dimension_ = 0;
   Eigen::VectorXd state_time_, durations_, log_stay_, log_next_;
   double length_ = 0.0;
-  Eigen::VectorXd center_;         // subtracted before whitening, so that large offsets cost no digits
-  Eigen::MatrixXd whitening_;      // (S K d, d): inverse Cholesky factors, stacked
-  Eigen::VectorXd whitened_mean_;  // (S K d)
+  Eigen::VectorXd center_;  // subtracted before whitening, so that large offsets cost no digits
+  // Column b: components b kLanes ..: per row i of the inverse Cholesky factor W, -(W mean)_i, W_i0 .. W_ii, each of
+  // them for kLanes components in a row
+  Eigen::MatrixXd whitening_;
   Eigen::VectorXd log_norm_;       // (S K): log w - log sqrt det(2 pi S_ss)
   Eigen::VectorXd log_time_norm_;  // (S K): log w - log sqrt S_tt
   Eigen::MatrixXd slope_;          // (d, S K): S_st / S_tt
@@ -151,4 +156,7 @@ private:
   Eigen::MatrixXd time_slope_;     // (d, S K): S_ss^-1 S_st
   Eigen::VectorXd time_residual_;  // (S K): S_tt - S_ts S_ss^-1 S_st
 };
+
+/// A random sequence (samples, d) of the spatial model, from its beginning; samples >= 1.
+Eigen::MatrixXd sample(const TimeHmm& model, int samples, phri_core::Random* random);
 }  // namespace phri_learning

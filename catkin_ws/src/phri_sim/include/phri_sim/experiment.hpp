@@ -1,11 +1,14 @@
 #pragma once
+#include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "phri_control/assistance.hpp"
 #include "phri_control/interaction_loop.hpp"
+#include "phri_learning/emerging_options.hpp"
 #include "phri_sim/configuration.hpp"
 #include "phri_sim/haptic_device.hpp"
 #include "phri_sim/participant.hpp"
@@ -13,10 +16,12 @@
 
 namespace phri_sim
 {
-/// What the robot learns between trials and how it predicts: a time-based HMM over [x; xdot; u_h].
+/// What the robot learns and how it predicts. Kind "time_hmm": one time-based HMM over [x; xdot; u_h] of the whole
+/// trial, learned between trials. Kind "emerging": movement primitives, found and learned during the trials (5.1.1).
 struct ModelSettings
 {
-  int states = 40;
+  std::string kind = "time_hmm";
+  int states = 40;                       ///< of the HMM, of each primitive
   std::string reference = "path";        ///< "path" (absolute) or "displacement"
   std::string time = "entry_corrected";  ///< "thesis" (3.8), "entry_corrected" or "regressed": progress in the model
   std::string recognition = "position";  ///< "position", "motion" or "all" (thesis): what tells the progress
@@ -24,7 +29,11 @@ struct ModelSettings
   double gate = 0.0;  ///< [m] a prediction farther away from where the object is than this is ignored (5.1.1); 0: none
   int window = 30;    ///< [samples] that recognition looks back
   double dt = 0.02;   ///< [s] sampling of the observations, step of the predictions, replanning period
-  double horizon = 0.2;  ///< [s] of the predictions
+  double horizon = 0.2;                     ///< [s] of the predictions
+  phri_learning::EmergingOptions learning;  ///< of kind "emerging"; what stands above as well goes by that
+
+  bool emerging() const { return kind == "emerging"; }
+  phri_learning::EmergingOptions emergingOptions() const;
 };
 
 /// Everything that defines an experiment but the people and the seeds. Immutable once loaded.
@@ -40,8 +49,22 @@ struct Experiment
   std::vector<std::string> controllers;
   int participants = 1, trials = 3;
   int seed = 7;
-  double timeout = 60.0;  ///< [s] after which a trial ends without having reached the goal
+  double pace = 0.0;  ///< [s] of an exemplary run along the scene's path that the person follows; 0: at one's own pace
+  std::vector<double> assistance_off;  ///< trials of a block in which the robot predicts, but u_r = 0
+  std::vector<double> let_go_in;       ///< trials of a block in which the simulated person lets the handle go
+  double let_go_after = 10.0;          ///< [s]
+  double timeout = 60.0;               ///< [s] after which a trial ends without having reached the goal
 
+  bool assists(int trial) const
+  {
+    return std::find(assistance_off.begin(), assistance_off.end(), double(trial)) == assistance_off.end();
+  }
+  /// [s] after which the simulated person lets go; infinite: never.
+  double letsGo(int trial) const
+  {
+    const bool here = std::find(let_go_in.begin(), let_go_in.end(), double(trial)) != let_go_in.end();
+    return here ? let_go_after : std::numeric_limits<double>::infinity();
+  }
   /// Ticks between two observations of the model, and between two plans.
   int replanTicks() const { return int(std::lround(model.dt / loop.dt)); }
 };

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "phri_core/random.hpp"
 #include "phri_sim/participant.hpp"
@@ -33,12 +34,13 @@ private:
 
 /// Where the person wants the object to be: along a route, at a pace that obeys curvature, channel width and comfort,
 /// and around or behind moving obstacles that are seen late. Five times a second the person weighs some lateral offsets
-/// and paces over the next 0.8 s and takes the best; what follows is smooth.
+/// and paces over the next 0.8 s and takes the best; what follows is smooth. Told to follow an exemplary run of `pace`
+/// [s] instead (0: not told), the person's place along the route is that of its dot.
 class Intention
 {
 public:
   Intention(std::shared_ptr<const Scene> scene, std::shared_ptr<const Route> route, const Participant& person,
-            std::uint64_t trial_seed);
+            std::uint64_t trial_seed, double pace = 0.0);
   /// One millisecond; `x` [m] is where the person sees the object.
   void step(double t, const Eigen::Vector2d& x, const std::vector<MovingObstacle>& obstacles);
 
@@ -53,6 +55,7 @@ private:
   Participant person_;
   phri_core::Random random_;
   std::vector<double> pace_;  // [m/s] along the route
+  std::optional<Pace> dot_;
   std::array<double, 3> wander_phase_, wander_amplitude_;
   double s_ = 0.0, s_dot_ = 0.0;
   double offset_ = 0.0, offset_dot_ = 0.0;  // lateral, left positive
@@ -67,9 +70,9 @@ class HumanPartner
 {
 public:
   /// `mass` [kg] and `damping` [Ns/m]: the rendered object that the person has learned to move; `practice`: trials
-  /// before this one.
+  /// before this one; `pace` [s] of the exemplary run to follow, 0: none.
   HumanPartner(std::shared_ptr<const Scene> scene, std::shared_ptr<const Route> route, const Participant& person,
-               int practice, double mass, double damping, std::uint64_t trial_seed);
+               int practice, double mass, double damping, std::uint64_t trial_seed, double pace = 0.0);
 
   Eigen::Vector2d step(double t, const Eigen::Vector2d& x, const Eigen::Vector2d& v, const Eigen::Vector2d& robot_force,
                        const std::vector<MovingObstacle>& obstacles);

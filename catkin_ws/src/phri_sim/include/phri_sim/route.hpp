@@ -28,6 +28,22 @@ struct Route
 /// below `preferred_clearance` [m] (fast marching on a 2 mm grid, then descent and smoothing over 30 mm), so that it
 /// keeps to the middle of narrow passages and rounds corners. The grid gets finer where 2 mm knows no way, coarser
 /// where the scene is longer than 2 m; less is smoothed where that would lead too near to a wall. Throws PictureError
-/// when no way leads to the goal, or start and goal are nearer than 10 mm.
+/// when no way leads to the goal, or start and goal are nearer than 10 mm. A
+/// scene with a path: that path.
 Route planRoute(const Scene& scene, double preferred_clearance);
+
+/// An exemplary run along a route, to be followed (the black dot of 5.1.1): all of it in `duration` [s], slower where
+/// it bends (two-thirds power law) and at both ends.
+class Pace
+{
+public:
+  /// Throws std::invalid_argument unless duration > 0.
+  Pace(const Route& route, double duration);
+  /// Arc length [m] of the dot, t [s] after the start.
+  double at(double t) const;
+
+private:
+  double step_;
+  std::vector<double> arrivals_;  // [s] at each point of the route
+};
 }  // namespace phri_sim

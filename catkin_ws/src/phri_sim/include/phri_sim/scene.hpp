@@ -63,6 +63,7 @@ struct Scene
   double turning_x = NAN;                      ///< [m] left of it the subtask "narrow channel" begins; NaN: it has none
   double stiffness = 2e4;                      ///< [N/m]
   double damping = 1500.0;                     ///< [Ns/m], while approaching only
+  std::vector<Eigen::Vector2d> path{};         ///< [m] points of a line to follow; empty: any way to the goal will do
   std::vector<MovingObstacle> obstacles{};     ///< periods and phases are drawn per trial
   double period_low = 3.0, period_high = 5.0;  ///< [s]
 
@@ -71,11 +72,11 @@ struct Scene
 };
 
 /// Loads a scene (docs/scenes.md): `config/scenes/<name>.yaml` or a path to one, with the keys of a ROS map file
-/// (image, resolution, origin, occupied_thresh, negate) and ours; or a picture alone (.png .jpg .jpeg .pgm .svg, a path
-/// or a file in config/scenes), whose longer side becomes 0.3 m around the origin. Start and goal that no yaml gives
-/// are the centres of the green and the red dot. Throws phri_core::ParameterError listing every wrong key, or
-/// PictureError for the picture: unreadable, no dots, start or goal in a wall, no way between them that the object fits
-/// through.
+/// (image, resolution, origin, occupied_thresh, negate) and ours, among them a path to follow, which needs no picture;
+/// or a picture alone (.png .jpg .jpeg .pgm .svg, a path or a file in config/scenes), whose longer side becomes 0.3 m
+/// around the origin. Start and goal that no yaml gives are the centres of the green and the red dot. Throws
+/// phri_core::ParameterError listing every wrong key, or PictureError for the picture: unreadable, no dots, start or
+/// goal in a wall, no way between them that the object fits through.
 Scene loadScene(const std::string& name_or_path);
 
 /// Width [m] of the narrowest place of the widest way between two points, to half a pixel; negative when walls separate

@@ -10,6 +10,7 @@
 #include "phri_sim/hand.hpp"
 #include "phri_sim/haptic_device.hpp"
 #include "phri_sim/human_partner.hpp"
+#include "phri_sim/route.hpp"
 
 namespace phri_sim
 {
@@ -67,6 +68,8 @@ private:
   std::unique_ptr<Hand> hand_;
   phri_control::InteractionLoop loop_;
   phri_control::AssistancePlanner planner_;
+  std::optional<Route> path_;  // of a scene with a path, which is to be followed to its end
+  double progress_ = 0.0;      // [m] along path_
   std::int64_t tick_ = 0;
   int replan_ticks_;
   bool completed_ = false, timed_out_ = false;
@@ -78,20 +81,24 @@ struct TrialLog
   TrialSpec spec;
   bool completed = false;
   int failed_plans = 0;
+  int plans = 0;        ///< times at which the model was asked
+  int primitives = -1;  ///< known at the end; -1: the model has none
   std::vector<phri_control::TickRecord> ticks;
   std::vector<PredictedPosition> predictions;
   /// Samples [x; xdot; u_h] every `model.dt`, (T, 6): what the learner sees of it.
   Eigen::MatrixXd demonstration;
 };
 
-/// Runs a trial with a model (may be null) in lockstep.
+/// Runs a trial with a model (may be null) in lockstep. `learn`, if given, is called before the first tick and after
+/// each plan: there the model may learn from what it has observed.
 TrialLog runTrial(std::shared_ptr<const Experiment> experiment, const TrialSpec& spec,
-                  std::shared_ptr<phri_core::BehaviorModel> model);
+                  std::shared_ptr<phri_core::BehaviorModel> model, const std::function<void()>& learn = nullptr);
 
 /// Learns a model from the demonstrations of a block so far, as the learner node does; null without any.
 std::shared_ptr<phri_core::BehaviorModel> learn(const ModelSettings& settings,
                                                 const std::vector<Eigen::MatrixXd>& demonstrations);
 
-/// All trials of a block in order, learning in between. The first trial runs without a model.
+/// All trials of a block in order, learning in between (the first trial runs without a model), or, model kind
+/// "emerging", during them.
 std::vector<TrialLog> runBlock(std::shared_ptr<const Experiment> experiment, const Block& block);
 }  // namespace phri_sim

@@ -1,12 +1,11 @@
 #pragma once
-// Many random problems per test case, and how many: the tests run `base` of them, scripts/soak.sh a multiple. Problem i
-// of a case depends on (case, i) alone, so that one which fails can be run by itself. Environment variables:
-//   PHRI_SOAK=100        times the base, 0.001 to 10000
-//   PHRI_SOAK_PART=2/8   only every eighth problem, from the second on: one of eight programs at once
-//   PHRI_SOAK_SEED=4711  only this problem
-// A case ends with a line "[soak] case: N problems, F failed, S s: kind count, ..." on standard output.
-#include <gtest/gtest.h>
-
+/// For tests only: many random problems per test case, and how many. The tests run `base` of them, scripts/soak.sh a
+/// multiple. Problem i of a case depends on (case, i) alone, so that one which fails can be run by itself. Environment:
+///   PHRI_SOAK=100        times the base, 0.001 to 10000
+///   PHRI_SOAK_PART=2/8   only every eighth problem, from the second on: one of eight programs at once
+///   PHRI_SOAK_SEED=4711  only this problem
+/// A case ends with a line "[soak] case: N problems, F failed, S s: kind count, ..." on standard output.
+/// Include it after gtest/gtest.h, which phri_core itself does not depend on.
 #include <cerrno>
 #include <chrono>
 #include <cmath>
@@ -18,6 +17,10 @@
 #include <string>
 
 #include "phri_core/random.hpp"
+
+#ifndef GTEST_API_
+#error "include gtest/gtest.h before phri_core/soak.hpp"
+#endif
 
 namespace soak
 {

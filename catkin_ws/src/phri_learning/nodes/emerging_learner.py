@@ -1,0 +1,124 @@
+#!/usr/bin/python3
+"""The partner that learns while it interacts, as the learner node uses it, and what it knows as markers for rviz."""
+
+import queue
+import threading
+
+import numpy as np
+import phri_core
+import phri_learning
+from geometry_msgs.msg import Point
+from visualization_msgs.msg import Marker, MarkerArray
+
+COLOURS = ((0.0, 0.45, 0.7), (0.84, 0.37, 0.0), (0.0, 0.62, 0.45), (0.8, 0.47, 0.65), (0.9, 0.62, 0.0),
+           (0.34, 0.71, 0.91))  # of the primitives, Okabe and Ito
+BESIDE = 0.018  # [m] outwards from the middle of a path to its label
+
+
+class Emerging:
+    """phri_learning.EmergingPartner with its slow half, which learns where it is called or in a thread. `changed` is
+    called with the snapshot whenever more is known, `failed` with the error that ended the thread; both may come from
+    that thread. `learner`: what is known already; else `demonstrations` are gone through."""
+
+    def __init__(self, settings, demonstrations, changed, failed, learner=None):
+        options = emerging_options(settings)
+        self.partner = phri_learning.EmergingPartner(options)
+        self.learner = learner or phri_learning.PrimitiveLearner(options)
+        self.changed, self.failed, self.segments, self.fresh = changed, failed, None, None
+        if learner:
+            self.partner.adopt(learner.snapshot)
+        period = round(settings["dt"] * 1e9)  # [ns]
+        for samples in demonstrations:  # as they came
+            self.reset()
+            for index, row in enumerate(samples):
+                self.observe(phri_core.Observation(index * period * 1e-9, row[:4], row[4:], np.zeros(2)))
+                self.study()
+        changed(self.learner.snapshot)
+        if settings["threaded"]:
+            self.segments = queue.SimpleQueue()
+            threading.Thread(target=self.work, args=(self.segments,), daemon=True).start()
+
+    def reset(self):
+        self.partner.reset()
+        self.study()
+
+    def observe(self, observation):
+        fresh, self.fresh = self.fresh, None
+        if fresh is not None:
+            self.partner.adopt(fresh)
+        self.partner.observe(observation)
+
+    def predict(self, horizon, dt):
+        return self.partner.predict(horizon, dt)
+
+    def study(self):
+        """Learns from the segments that have ended since, or hands them to the thread."""
+        if self.segments is not None:
+            for segment in self.partner.take_segments():
+                self.segments.put(segment)
+        elif self.partner.learn(self.learner):
+            self.changed(self.learner.snapshot)
+
+    def work(self, segments):
+        try:
+            for segment in iter(segments.get, None):
+                self.fresh = self.learner.add(segment)
+                self.changed(self.fresh)
+        except Exception as error:  # noqa: B902  a dead thread would look like a learner that has nothing to learn
+            self.failed(error)
+
+    def end(self):
+        if self.segments is not None:
+            self.segments.put(None)
+
+    @property
+    def primitives(self):
+        return len(self.learner.snapshot.nodes)
+
+
+def emerging_options(settings):
+    options = phri_learning.EmergingOptions()
+    for name in ("horizon", "reference", "time", "recognition", "states", "window", "members", "cutoff",
+                 "window_states"):
+        setattr(options, name, settings[name])
+    options.dt = settings["learning_dt"]
+    cuts = options.segmentation
+    cuts.window, cuts.switch_cost, cuts.lag = settings["segment_window"], settings["switch_cost"], settings["lag"]
+    options.segmentation = cuts
+    return options
+
+
+def tree(known):
+    """What is known as markers: the mean path of every primitive over the scene, beside it its branch of the tree, a
+    line per node; how much was seen at all below the scene."""
+    markers = [Marker(action=Marker.DELETEALL)]
+
+    def marker(name, kind, index, colour, size):
+        m = Marker(ns=name, id=index, type=kind)
+        m.pose.orientation.w = 1.0
+        m.color.r, m.color.g, m.color.b, m.color.a = *colour, 1.0
+        m.scale.x = m.scale.z = size
+        markers.append(m)
+        return m
+
+    def branch(node, depth):
+        entry = library.node(node)
+        text = "  " * depth + f"{node}: {entry.count}x, {entry.length:.1f} s"
+        return "\n".join([text, *(branch(child, depth + 1) for child in entry.children)])
+
+    library = known.library
+    root = marker("primitives", Marker.TEXT_VIEW_FACING, 0, (0.2, 0.2, 0.2), 0.0075)
+    root.pose.position = Point(0.0, -0.148, 0.02)
+    root.text = f"{library.node(0).count} segments seen"
+    for index, node in enumerate(library.upper_nodes):
+        colour = COLOURS[index % len(COLOURS)]
+        places = library.node(node).output[:, :2]
+        path = marker("primitive paths", Marker.LINE_STRIP, index, colour, 0.0016)
+        path.points = [Point(x, y, 0.004) for x, y in places]
+        label = marker("primitives", Marker.TEXT_VIEW_FACING, index + 1, colour, 0.0065)
+        middle = places[len(places) // 2]
+        label.pose.position = Point(*(middle + BESIDE * middle / max(np.linalg.norm(middle), 1e-9)), 0.02)
+        label.text = branch(node, 0)
+    for m in markers:
+        m.header.frame_id = "maze"
+    return MarkerArray(markers=markers)
