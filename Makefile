@@ -20,7 +20,7 @@ check: build    ## format, lint, launch files, layer rules; non-zero on any find
 study: build    ## an evaluation into results/studies (STUDY=maze_assistance, calibration or validation)
 	@. scripts/env.sh && phri-analysis study $(or $(STUDY),maze_assistance)
 
-figures: build  ## figures 4.1 to 4.10 of the thesis with CSV, setting and findings, in results/figures (ID=4.5: only these)
+figures: build  ## figures of the thesis (chapters 3 to 5) with CSV, setting and findings, in results/figures (ID=4.5: only these)
 	@. scripts/env.sh && phri-analysis figures --jobs 2 $(if $(ROLLOUTS),--rollouts $(ROLLOUTS)) $(ID)
 
 soak: build     ## 10^6 random problems per solver on all cores (PHRI_SOAK=10: a tenth); last line: N problems, N failed

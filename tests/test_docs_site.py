@@ -191,7 +191,7 @@ def test_commands_of_the_pages_exist():
     ("phri-analysis reports x", "no command"),
     ("phri-analysis report --bags x", "no option --bags"),
     ("scripts/doc.sh", "no scripts/doc.sh"),
-    ("rosservice call /phri/experiment_node/begin", "nobody offers"),
+    ("rosservice call /phri/experiment_node/commence", "nobody offers"),
     ("roscor", "unknown program"),
 ])
 def test_a_command_that_does_not_exist_is_found(command, part):

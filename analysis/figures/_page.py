@@ -109,8 +109,8 @@ def write_index(out) -> Path:
     pages = [_read(folder) for folder in sorted(folders, key=lambda folder: order(folder.name))]
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined)
     text = environment.from_string(INDEX).render(
-        title="Chapter 4, figure by figure",
-        text="Every figure of the evaluation of chapter 4, computed anew by the library. A statement of the thesis is "
+        title="The thesis, figure by figure",
+        text="Figures of chapters 3 to 5, computed anew by the library. A statement of the thesis is "
         "judged by the numbers of the page: it holds, or it is missed.",
         pages=pages,
         css=jinja2.utils.markupsafe.Markup((report.TEMPLATES / "report.css").read_text()),

@@ -16,6 +16,8 @@ constexpr double kCurvature = 1e-6;
 // One in a thousand of the policies moves the state so much between stages that the two orders of summing agree to half
 // of the digits only.
 constexpr double kRough = 1e-3, kRare = 1e-3;
+// Nearly singular H with gains of 1e3 and more: nothing is left of a variance near 0. Met 2 times in 700 000.
+constexpr double kVeryRare = 1e-5;
 
 /// Cumulants of the tail's cost under every source, weighted as the criterion.
 template <int N, int M>
@@ -102,7 +104,8 @@ void cumulantProblem(Random& random, Eigen::Index n, Eigen::Index m, bool checke
     if (count > 1 && !given.grows)
     {
       ASSERT_TRUE(kappa.allFinite());
-      ASSERT_GE(kappa.col(1).minCoeff(), 0.0) << "a variance";
+      if (kappa.col(1).minCoeff() < 0.0)
+        tally.count("negative_variance");
     }
     ASSERT_TRUE(evaluateCumulants(problem, count, solution.gains, solution.feedforward, values));
     for (std::size_t i = 0; i < values.series.size(); ++i)
@@ -140,4 +143,5 @@ TEST(SoakCumulants, randomProblemsEndFiniteOrTyped)
   for (const char* met : { "not_finite", "checked_policy", "checked_hessian" })
     tally.expectMoreThan(0.001, met);
   EXPECT_LE(tally.of("roughly_equal"), 1 + kRare * tally.of("checked_policy"));
+  EXPECT_LE(tally.of("negative_variance"), kVeryRare * tally.of("policy")) << "more than rounding can do";
 }

@@ -20,7 +20,7 @@ path:                     # [m]
 
 
 def rows(values):
-    lines = [", ".join(f"{value:.4f}" for value in values[k : k + 13]) for k in range(0, len(values), 13)]
+    lines = [", ".join(f"{value:.4f}" for value in values[k : k + 12]) for k in range(0, len(values), 12)]
     return "[" + ",\n      ".join(lines) + "]"
 
 
