@@ -1,6 +1,7 @@
 """Learning from one's own files: the same movements in three formats give the same library; what is wrong is said."""
 
 import json
+import os
 import subprocess
 from pathlib import Path
 from types import SimpleNamespace
@@ -302,3 +303,10 @@ def test_command_and_data_of_the_study(tmp_path):
     assert json.loads((tmp_path / "o" / "library.json").read_text())["schema"].startswith("phri_learning/Primitive")
     lines = studies.run("prediction", studies.Options(tmp_path / "s", data=tmp_path / "d"))
     assert "1 movement(s), 9 demonstrations" in "\n".join(lines)
+
+
+def test_train_from_bag_is_the_same_command(tmp_path):
+    program = COMMAND.parents[2] / "catkin_ws" / "src" / "phri_learning" / "nodes" / "train_from_bag"
+    environment = {**os.environ, "PATH": f"{COMMAND.parent}:{os.environ['PATH']}"}
+    result = subprocess.run([program, tmp_path / "no.bag"], capture_output=True, text=True, env=environment)
+    assert result.returncode == 66 and "no.bag" in result.stderr, result.stderr
