@@ -175,6 +175,7 @@ def fakes(tmp_path):
         "phri_control/bench/bench_cumulants": entries(CUMULANTS),
         "phri_control/bench/bench_mpc": MPC,
         "phri_learning/bench/bench_hmm": entries(LEARNING),
+        "phri_learning/bench/bench_recognition": entries({"recognise/primitives:50/states:10": 15}),
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         program(tmp_path / name, PROGRAM % json.dumps(output))

@@ -25,12 +25,13 @@ HERE = pathlib.Path(__file__).resolve().parent
 PEERS = ("numpy", "crocoddyl", "crocoddyl_cpp", "hmmlearn", "mujoco", "pybullet")
 SIM_PROGRAMS = ("bench_tick", "bench_pipeline")
 CONTROL_PROGRAMS = ("bench_scenes", "bench_risk", "bench_cumulants", "bench_mpc")
-LEARNING_PROGRAMS = ("bench_hmm",)
+LEARNING_PROGRAMS = ("bench_hmm", "bench_recognition")
 REQUEST_LIMIT = 600  # [s] a peer that does not answer is broken; crocoddyl_cpp compiles first
 PLANS = 5000  # of bench_mpc per round
 # what the rows need of the programs that measure more
 FILTERS = {
     "bench_risk": "^(lq_plain/(50|200|500)|risk_force_noise/(1_source/200|2_sources/(50|500)|3_sources/200))$",
+    "bench_recognition": "primitives:50/states:10$",
     "bench_cumulants": "^Cumulants/(T:50/S:2/K:2/p:4|T:(50|500)/S:2/K:4/p:4)$",
 }
 # one core each, and no module of the ROS workspace, which belongs to another numpy
@@ -139,7 +140,8 @@ def measure_ours(sim, control, learning, seconds, plans):
                 ours[f"{entry['name']}/{part}"] = entry["cpu_time"] / entry[f"{part}s"]
     passes = {entry["name"]: entry["cpu_time"] for program in ("bench_risk", "bench_cumulants")
               for entry in google(control / program, seconds)}
-    ours.update({entry["name"]: entry["cpu_time"] for entry in google(learning / "bench_hmm", seconds)})
+    for program in LEARNING_PROGRAMS:
+        ours.update({entry["name"]: entry["cpu_time"] for entry in google(learning / program, seconds)})
     mpc = json.loads(output_of([control / "bench_mpc", plans]))
     return {**ours, **scaling(passes), **{f"mpc_{key}": value for key, value in mpc.items()}}
 

@@ -48,6 +48,7 @@ ROWS = (
     Spec("viterbi", "us", "viterbi", ("hmmlearn",)),
     *(Spec(f"viterbi_{states}", "us", f"viterbi/{states}", ("hmmlearn",), aim=80.0) for states in (10, 20, 40)),
     *(Spec(f"baum_welch_{states}", "us", f"baum_welch/{states}", ("hmmlearn",), aim=15.0) for states in (10, 20, 40)),
+    Spec("recognition", "us", "recognise/primitives:50/states:10", aim=70.0),
     Spec("trial_speed", "simulated s/s", "trial_speed", ("mujoco", "pybullet"), more_is_better=True),
     Spec("mass_damper_stage", "ns", "mass_damper/backward/stage", NEUTRAL, aim=18.0),
     Spec("mass_damper_risk_stage", "ns", "mass_damper/risk_backward/stage", NEUTRAL, aim=4.0),
