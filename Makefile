@@ -29,7 +29,7 @@ soak: build     ## 10^6 random problems per solver on all cores (PHRI_SOAK=10: a
 bench: build    ## speed beside crocoddyl, hmmlearn, pybullet and mujoco in the same run (PEERS=no: without them)
 	@. scripts/env.sh && scripts/bench.sh
 
-realtime: build ## a minute at 1 kHz with recording: how late the ticks came
+realtime: build ## a minute at 1 kHz with recording: how late the ticks came (EXPERIMENT=emerging_assistance: learning meanwhile)
 	@scripts/realtime.sh
 
 docs: build     ## this documentation as a site that needs no network, in results/docs/html

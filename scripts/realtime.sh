@@ -7,14 +7,15 @@ set +u
 . "$root/scripts/env.sh"
 set -u
 trials=${TRIALS:-5}  # about 14 s each
+experiment=${EXPERIMENT:-maze_assistance}  # emerging_assistance learns while it runs
 
 out=$root/results/realtime/$(date -u +%Y%m%dT%H%M%SZ)
 mkdir -p "$out"
 export ROS_LOG_DIR=$out/ros_log ROS_HOME=$out/ros_home
 port=$(/usr/bin/python3 -c 'import socket; s = socket.socket(); s.bind(("localhost", 0)); print(s.getsockname()[1])')
 export ROS_MASTER_URI=http://localhost:$port
-echo "realtime: $trials trials of one simulated participant in real time, into $out"
-roslaunch --port="$port" phri_sim experiment.launch experiment:=maze_assistance participant:=3 trial:="$trials" \
+echo "realtime: $trials trials of $experiment, one simulated participant, in real time, into $out"
+roslaunch --port="$port" phri_sim experiment.launch experiment:="$experiment" participant:=3 trial:="$trials" \
   rviz:=false record:=true "bag_dir:=$out" >"$out/launch.log" 2>&1 || true
 read -r status reason <"$out/session.status" || { echo "realtime: no session.status; see $out/launch.log" >&2; exit 70; }
 [ "$status" = 0 ] || { echo "realtime: the session ended with exit status $status: $reason" >&2; exit "$status"; }

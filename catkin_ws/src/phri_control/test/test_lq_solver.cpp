@@ -179,16 +179,25 @@ TEST(LqSolver, residualIsZeroForTheSolutionAndSeesAWrongGain)
   EXPECT_GT(residual(problem, solution), 1e-6);
 }
 
-TEST(LqSolver, fixedAndDynamicSizesAgree)
+template <int N, int M>
+void expectFixedAsDynamic()
 {
-  const auto fixed = randomProblem<4, 2>(15, 4, 2, 50);
-  const auto dynamic = randomProblem<Eigen::Dynamic, Eigen::Dynamic>(15, 4, 2, 50);
-  const auto a = solve(fixed);
-  const auto b = solve(dynamic);
-  constexpr double kRounding = 1e-12;  // other order of additions
+  SCOPED_TRACE(std::to_string(N) + " states");
+  const auto a = solve(randomProblem<N, M>(15, N, M, 50));
+  const auto b = solve(randomProblem<Eigen::Dynamic, Eigen::Dynamic>(15, N, M, 50));
+  constexpr double kRounding = 1e-11;  // other order of additions, some of which cancel
   for (std::size_t k = 0; k < 50; ++k)
     EXPECT_LT((a.gains[k] - b.gains[k]).norm(), kRounding * (1.0 + a.gains[k].norm()));
+  EXPECT_LT((a.value.W - b.value.W).norm(), kRounding * a.value.W.norm());
+  EXPECT_EQ((a.value.W - a.value.W.transpose()).norm(), 0.0);
   EXPECT_NEAR(a.value.c, b.value.c, kRounding * std::abs(a.value.c));
+}
+
+TEST(LqSolver, fixedAndDynamicSizesAgree)
+{
+  expectFixedAsDynamic<4, 2>();
+  expectFixedAsDynamic<8, 2>();  // by quarters
+  expectFixedAsDynamic<12, 3>();
 }
 
 // If r = -R u* and mu is the path of u*, then u = u*, xi = mu has no cost to gain from leaving it: zero error exactly.
