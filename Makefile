@@ -23,7 +23,7 @@ study: build    ## an evaluation into results/studies (STUDY=maze_assistance, ca
 figures: build  ## figures of the thesis (chapters 3 to 5) with CSV, setting and findings, in results/figures (ID=4.5: only these)
 	@. scripts/env.sh && phri-analysis figures --jobs 2 $(if $(ROLLOUTS),--rollouts $(ROLLOUTS)) $(ID)
 
-soak: build     ## 10^6 random problems per solver on all cores (PHRI_SOAK=10: a tenth); last line: N problems, N failed
+soak: build     ## two million random problems of the solvers, on all cores (PHRI_SOAK=10: a tenth); last line: N problems, N failed
 	@. scripts/env.sh && scripts/soak.sh
 
 bench: build    ## speed beside crocoddyl, hmmlearn, pybullet and mujoco in the same run (PEERS=no: without them)

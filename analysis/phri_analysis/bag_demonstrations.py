@@ -16,7 +16,7 @@ import numpy as np
 
 from . import demonstrations
 from .bag_check import read_verified
-from .bags import _decoded
+from .bags import decoded as decode
 from .demonstrations import FEWEST_SAMPLES
 from .errors import BagError
 
@@ -45,7 +45,7 @@ def read(path, pose: str = "", wrench: str = "") -> tuple:
     decoded = {topic: [] for topic in chosen}
     for message in messages:
         if message.connection.topic in decoded:
-            decoded[message.connection.topic].append((message.time, *_decoded(message, path)))
+            decoded[message.connection.topic].append((message.time, *decode(message, path)))
     if present[chosen[0]] == OBSERVATION:
         return _observed(path, chosen[0], decoded[chosen[0]])
     return _paired(path, present, chosen, decoded)

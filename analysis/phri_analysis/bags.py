@@ -120,7 +120,7 @@ def _decoder(connection):
     return (lambda data: store.deserialize_ros1(data, name)), (lambda stamp: stamp.sec * 10**9 + stamp.nanosec)
 
 
-def _decoded(message, path):
+def decoded(message, path):
     """(message, its stamp in ns or None)."""
     try:
         decode, to_ns = _decoder(message.connection)
@@ -160,7 +160,7 @@ def _read(messages, path, namespace):
         topic = recorded.connection.topic
         if topic not in expected:
             continue
-        message, stamp = _decoded(recorded, path)
+        message, stamp = decoded(recorded, path)
         name = topic[len(namespace) + 1 :]
         if name in _TICK_TOPICS:
             try:

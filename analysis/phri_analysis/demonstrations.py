@@ -89,10 +89,11 @@ def _folder(path):
     if len(found) > 1:
         raise DataError(f"{path}: .csv and .npz files side by side, expected one kind")
     read = _csv if ".csv" in found else _single
-    return [_movement(path, [read(file) for file in next(iter(found.values()))])]
+    return [movement(path, [read(file) for file in next(iter(found.values()))])]
 
 
-def _movement(path, demonstrations):
+def movement(path, demonstrations):
+    """A movement named as the file; DataError where dimensions or forces differ."""
     first = demonstrations[0]
     for other in demonstrations:
         if other.x.shape[1] != first.x.shape[1]:
@@ -146,7 +147,7 @@ def _lasa(path):
         if missing:
             raise DataError(f"{name}: no field {missing[0]!r}, expected a struct with pos (2, T) and t (1, T)")
         result.append(_demonstration(name, demo.t, np.atleast_2d(demo.pos).T, MILLIMETRE))
-    return _movement(path, result)
+    return movement(path, result)
 
 
 def _arrays(path):
@@ -171,7 +172,7 @@ def _numbered(path):
         x = arrays[f"pos_{number}"]
         times = float(step.item()) * np.arange(len(x))
         result.append(_demonstration(f"{path}: pos_{number}", times, x, force=arrays.get(f"F_{number}")))
-    return _movement(path, result)
+    return movement(path, result)
 
 
 def _single(path):

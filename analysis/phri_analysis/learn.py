@@ -22,12 +22,11 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 from scipy.signal import savgol_filter
 
 from studies import _page, prediction, segmentation
 
-from . import bag_demonstrations, demonstrations, primitive_plots, simulate
+from . import bag_demonstrations, demonstrations, primitive_plots
 from .bags import find_bags
 from .demonstrations import AXES, Movement
 from .errors import DataError, UsageError
@@ -78,7 +77,7 @@ def gather(paths, pose: str = "", wrench: str = "") -> tuple:
     if (pose or wrench) and not bags:
         raise UsageError("--pose and --wrench name topics of bags, and no bag is given")
     # the same check as within a movement
-    demonstrations._movement(Path("all"), [demo for movement in movements for demo in movement.demonstrations])
+    demonstrations.movement(Path("all"), [demo for movement in movements for demo in movement.demonstrations])
     return movements, notes
 
 
@@ -222,7 +221,7 @@ def run(paths, out, pose: str = "", wrench: str = "", cut: bool = False, cutoff:
         notes.append(f"No {MEMBERS} segments are nearer to each other than {cutoff} of the mean distance (--cutoff).")
     header, rows = text_rows(library, grouped, parts, table)
     _write(out, library, parts, table, {
-        "command": "learn", "git_revision": simulate.git_revision() or "unknown", "data": [str(path) for path in paths],
+        "data": [str(path) for path in paths],
         "pose": pose, "wrench": wrench, "axes": axes, "dt": DT, "states": STATES, "members": MEMBERS, "cutoff": cutoff,
         "smoothing": SMOOTHING, "segmentation": dict(segmentation.SETTING) if cut else None,
         "prediction_dt": prediction.DT, "horizon": HORIZON,
@@ -254,8 +253,8 @@ def _write(out, library, parts, table, record):
     places = [(part.positions(record["axes"]).x, library.primitive_of(i)) for i, part in enumerate(parts)]
     for name, figure in (("library", primitive_plots.picture(library)),
                          ("demonstrations", primitive_plots.segments(library, places))):  # fmt: skip
-        _page._write(out / f"{name}.png", _page.png(figure, 110))
+        _page.write_file(out / f"{name}.png", _page.png(figure, 110))
     _page.write_csv(table, out / "table.csv")
     _page.write_csv(listed, out / "segments.csv")
-    _page._write(out / "session.yaml", yaml.safe_dump(record, sort_keys=False).encode())
+    _page.write_record(out, "learn", record)
     library.to_json(str(out / "library.json"))

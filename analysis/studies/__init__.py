@@ -2,7 +2,8 @@
 
 A study is a module of this package whose name does not begin with an underscore. Its docstring's first line says what
 it evaluates; `run(options)` writes its files into `options.out` and returns the lines to print. Every study leaves
-table.csv, report.html and session.yaml; numbers come from the C++ library, people are simulated participants.
+table.csv, report.html and session.yaml; numbers come from the C++ library, people are simulated participants or
+recorded ones, and the report says which.
 """
 
 import importlib

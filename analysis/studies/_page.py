@@ -17,9 +17,11 @@ PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{{ title }}</title><style>{{ css }}</style></head><body><main>
 <h1>{{ title }}</h1>
-<p class="banner"><strong>The participants are simulated.</strong> No person took part: the numbers come from a model of
-a human partner.</p>
-<p>{{ text }}</p>
+{% if simulated %}<p class="banner"><strong>The participants are simulated.</strong> No person took part: the numbers
+come from a model of a human partner.</p>{% endif %}
+
+{% for paragraph in text.split("\n\n") %}<p>{{ paragraph }}</p>
+{% endfor %}
 {% for part in sections %}<h2>{{ part.title }}</h2>
 {% if part.note %}<p class="note">{{ part.note }}</p>{% endif %}
 {% if part.png %}<figure><img alt="{{ part.title }}" src="data:image/png;base64,{{ part.png }}"></figure>{% endif %}
@@ -53,14 +55,13 @@ def write_session(out, name: str, setting: dict) -> None:
         trait.key: {"median": trait.median, "spread": trait.spread, "limits": [trait.low, trait.high]}
         for trait in _people.experiment().traits
     }
-    record = {
-        "study": name,
-        "simulated_participants": True,
-        "git_revision": simulate.git_revision() or "unknown",
-        **setting,
-        "population": traits,
-    }
-    _write(Path(out) / "session.yaml", yaml.safe_dump(record, sort_keys=False).encode())
+    write_record(out, name, {"simulated_participants": True, **setting, "population": traits})
+
+
+def write_record(out, name: str, setting: dict) -> None:
+    """session.yaml of a study without simulated participants."""
+    record = {"study": name, "git_revision": simulate.git_revision() or "unknown", **setting}
+    write_file(Path(out) / "session.yaml", yaml.safe_dump(record, sort_keys=False).encode())
 
 
 def png(figure, dpi: int = 150) -> bytes:
@@ -70,18 +71,19 @@ def png(figure, dpi: int = 150) -> bytes:
     return buffer.getvalue()
 
 
-def write_page(out, title: str, text: str, sections: list) -> Path:
+def write_page(out, title: str, text: str, sections: list, simulated: bool = True) -> Path:
+    """report.html; `simulated`: with the banner that no person took part."""
     out = Path(out)
     for section in sections:
         if section.figure is not None:
             picture = png(section.figure)
-            _write(out / "figures" / f"{section.name}.png", picture)
+            write_file(out / "figures" / f"{section.name}.png", picture)
             section.png = base64.b64encode(picture).decode("ascii")
         section.rows = [[_plain(cell) for cell in row] for row in section.rows]
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined)
     css = jinja2.utils.markupsafe.Markup((report.TEMPLATES / "report.css").read_text())
-    page = environment.from_string(PAGE).render(title=title, text=text, sections=sections, css=css)
-    _write(out / "report.html", page.encode())
+    page = environment.from_string(PAGE).render(title=title, text=text, sections=sections, css=css, simulated=simulated)
+    write_file(out / "report.html", page.encode())
     return out / "report.html"
 
 
@@ -103,7 +105,8 @@ def markdown(header: list, rows: list) -> str:
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
-def _write(path, data: bytes) -> None:
+def write_file(path, data: bytes) -> None:
+    """With its folder; OutputError where that cannot be."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)

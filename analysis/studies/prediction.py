@@ -13,18 +13,16 @@ each block divided by its standard deviation. Only the demonstrations that are n
 """
 
 import concurrent.futures
-import html
 import os
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
-from phri_analysis import demonstrations, report, simulate
-from phri_analysis.errors import DataError, MissingInputError, OutputError
+from phri_analysis import demonstrations
+from phri_analysis.errors import DataError, MissingInputError
 
 from . import _page
 
@@ -194,31 +192,10 @@ def run(options) -> list:
         f"{100 * lengths.max():.1f} % at worst.",
     ]
     _page.write_csv(table, options.out / "table.csv")
-    session = {
-        "study": "prediction", "git_revision": simulate.git_revision() or "unknown", "data": str(path), "dt": DT,
-        "horizons": [steps * DT for steps in HORIZONS], "first_judged_sample": FIRST, "thesis_states": STATES,
-        "thesis_window": WINDOW, "neighbours": NEIGHBOURS,
-    }  # fmt: skip
-    try:
-        (options.out / "session.yaml").write_text(yaml.safe_dump(session, sort_keys=False))
-        (options.out / "report.html").write_text(_html(header, rows, notes))
-    except OSError as error:
-        raise OutputError(f"{options.out}: cannot write: {os.strerror(error.errno)}") from None
-    return [
-        *notes, "", _page.aligned(header, rows), "", f"table:  {options.out / 'table.csv'}",
-        f"report: {options.out / 'report.html'}",
-    ]  # fmt: skip
-
-
-def _html(header, rows, notes):
-    def line(cells, tag):
-        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
-
-    body = "\n".join(line(row, "td") for row in rows)
-    said = "\n".join(f"<p>{html.escape(note)}</p>" for note in [*notes, __doc__.partition("\n\n")[2]])
-    css = (report.TEMPLATES / "report.css").read_text()
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title><style>{css}</style>'
-        f"</head><body><main>\n<h1>{TITLE}</h1>\n{said}\n<div class=\"wide\"><table><thead>{line(header, 'th')}</thead>"
-        f"<tbody>\n{body}\n</tbody></table></div>\n</main></body></html>\n"
-    )
+    _page.write_record(options.out, "prediction", {
+        "data": str(path), "dt": DT, "horizons": [steps * DT for steps in HORIZONS], "first_judged_sample": FIRST,
+        "thesis_states": STATES, "thesis_window": WINDOW, "neighbours": NEIGHBOURS,
+    })  # fmt: skip
+    section = _page.Section("Error and coverage", header, rows, note=" ".join(notes))
+    page = _page.write_page(options.out, TITLE, __doc__.partition("\n\n")[2], [section], simulated=False)
+    return [*notes, "", _page.aligned(header, rows), "", f"table:  {options.out / 'table.csv'}", f"report: {page}"]

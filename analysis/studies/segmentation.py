@@ -9,8 +9,7 @@ ends are what `finish` makes of them.
 CHOSEN names the demonstrations on which window, switch cost, lag and scale were chosen; an earlier choice on rim 0-2
 and grating 0-3 had not carried over to the others, which is how its members came to be one of each person.
 The grating demonstrations of one person are nearly copies of each other, so those left out are not quite independent.
-Leaves table.csv (demonstration, set, cuts found and labelled, delays) and session.yaml; no person is simulated here, so
-there is no report of simulated participants.
+table.csv has a row per demonstration: set, cuts found and labelled, delays. No person is simulated here.
 """
 
 import os
@@ -18,13 +17,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 
-from phri_analysis import simulate
 from phri_analysis.errors import DataError, MissingInputError
 
 from . import _page
 
+TITLE = "Segmentation of recorded motions"
 TAKES_DATA = True
 VARIABLE = "PHRI_ICSC_DATA"
 DT = 0.05  # [s]
@@ -140,7 +138,8 @@ def run(options) -> list:
         raise MissingInputError(f"no --data, and {VARIABLE} is not set: {what}")
     rows = table(read(path))
     _page.write_csv(rows, options.out / "table.csv")
-    record = {"study": "segmentation", "data": Path(path).name, "git_revision": simulate.git_revision() or "unknown",
-              "dt": DT, "scale": SCALE, "tolerance": TOLERANCE, **SETTING}  # fmt: skip
-    _page._write(options.out / "session.yaml", yaml.safe_dump(record, sort_keys=False).encode())
-    return [_page.aligned(*summary(rows)), "", f"table:  {options.out / 'table.csv'}"]
+    _page.write_record(options.out, "segmentation", {"data": Path(path).name, "dt": DT, "scale": SCALE,
+                                                     "tolerance": TOLERANCE, **SETTING})  # fmt: skip
+    sections = [_page.Section("F1 against the labels", *summary(rows))]
+    page = _page.write_page(options.out, TITLE, __doc__.partition("\n\n")[2], sections, simulated=False)
+    return [_page.aligned(*summary(rows)), "", f"table:  {options.out / 'table.csv'}", f"report: {page}"]

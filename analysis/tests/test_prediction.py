@@ -97,7 +97,9 @@ def test_command_runs_on_a_folder_of_the_users(tmp_path, monkeypatch):
     assert all(method in text for method in prediction.METHODS)
     table = pd.read_csv(tmp_path / "out" / "table.csv")
     assert set(table["movement"]) == {"One", "Two"}
-    assert all((tmp_path / "out" / name).is_file() for name in ("report.html", "session.yaml"))
+    assert (tmp_path / "out" / "session.yaml").is_file()
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "5-NN" in page and "simulated" not in page  # recorded people
     monkeypatch.setenv(prediction.VARIABLE, str(tmp_path / "absent"))
     with pytest.raises(MissingInputError, match="absent"):
         studies.run("prediction", studies.Options(tmp_path / "out"))

@@ -35,6 +35,23 @@ phri_control::LqStage<N, M> randomStage(phri_core::Random& random, Eigen::Index 
   return stage;
 }
 
+/// J -> factor J.
+template <int N, int M>
+void scaleCost(phri_control::LinearQuadraticProblem<N, M>& problem, double factor)
+{
+  for (phri_control::LqStage<N, M>& stage : problem.stages)
+  {
+    stage.Q *= factor;
+    stage.q *= factor;
+    stage.q0 *= factor;
+    stage.R *= factor;
+    stage.r *= factor;
+  }
+  problem.terminal.Q *= factor;
+  problem.terminal.q *= factor;
+  problem.terminal.q0 *= factor;
+}
+
 template <int N>
 phri_control::LqTerminal<N> randomTerminal(phri_core::Random& random, Eigen::Index n)
 {

@@ -86,16 +86,9 @@ Case<N, M> randomCase(Random& random, Eigen::Index n, Eigen::Index m, int source
     stage.A *= growth;
     stage.Q.diagonal().array() -= less_q;
     stage.R.diagonal().array() -= less_r;
-    stage.Q *= weight;
-    stage.q *= weight;
-    stage.q0 *= weight;
-    stage.R *= weight;
-    stage.r *= weight;
   }
   problem.terminal.Q.diagonal().array() -= less_end;
-  problem.terminal.Q *= weight;
-  problem.terminal.q *= weight;
-  problem.terminal.q0 *= weight;
+  lq_fixtures::scaleCost(problem, weight);
   const double size = soak::scale(random, -4.0, 4.0);
   for (int s = 0; s < sources; ++s)
     problem.noise.push_back(randomNoise(random, n, horizon, size * soak::scale(random, -1.0, 1.0)));

@@ -84,17 +84,7 @@ TEST(CumulantLimits, scaleOfTheCost)
   constexpr double kScale = 3.7;
   const auto problem = randomProblem<4, 2>(11, 4, 2);
   auto scaled = problem;
-  for (auto& stage : scaled.stages)
-  {
-    stage.Q *= kScale;
-    stage.q *= kScale;
-    stage.q0 *= kScale;
-    stage.R *= kScale;
-    stage.r *= kScale;
-  }
-  scaled.terminal.Q *= kScale;
-  scaled.terminal.q *= kScale;
-  scaled.terminal.q0 *= kScale;
+  lq_fixtures::scaleCost(scaled, kScale);
   const MatrixXd gamma = MatrixXd::Constant(3, 3, 0.05);
   const MatrixXd divided =
       gamma * Eigen::Vector3d(1.0 / kScale, std::pow(kScale, -2), std::pow(kScale, -3)).asDiagonal();

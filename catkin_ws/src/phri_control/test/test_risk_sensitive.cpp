@@ -228,17 +228,7 @@ TEST(RiskSensitive, costsTimesCNeedThetaByC)
   const auto plain = solve(problem, attitude);
   constexpr double kFactor = 37.0;
   auto costly = problem;
-  for (auto& stage : costly.stages)
-  {
-    stage.Q *= kFactor;
-    stage.q *= kFactor;
-    stage.q0 *= kFactor;
-    stage.R *= kFactor;
-    stage.r *= kFactor;
-  }
-  costly.terminal.Q *= kFactor;
-  costly.terminal.q *= kFactor;
-  costly.terminal.q0 *= kFactor;
+  lq_fixtures::scaleCost(costly, kFactor);
   const auto other = solve(costly, RiskSensitive{ { attitude.theta[0] / kFactor, attitude.theta[1] / kFactor } });
   EXPECT_LT(largestDifference(plain.gains, other.gains), kSame);
   EXPECT_NEAR(other.value(start(4)), kFactor * plain.value(start(4)), kSame * kFactor * scaled(plain.value(start(4))));

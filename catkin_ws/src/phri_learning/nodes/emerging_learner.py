@@ -12,7 +12,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 COLOURS = ((0.0, 0.45, 0.7), (0.84, 0.37, 0.0), (0.0, 0.62, 0.45), (0.8, 0.47, 0.65), (0.9, 0.62, 0.0),
            (0.34, 0.71, 0.91))  # of the primitives, Okabe and Ito
-BESIDE = 0.018  # [m] outwards from the middle of a path to its label
+LIST = -0.118, 0.132  # [m] upper middle of the tree, left of the scene
+LINE = 0.009  # [m] from line to line of it
 
 
 class Emerging:
@@ -89,8 +90,8 @@ def emerging_options(settings):
 
 
 def tree(known):
-    """What is known as markers: the mean path of every primitive over the scene, beside it its branch of the tree, a
-    line per node; how much was seen at all below the scene."""
+    """What is known as markers: the mean path of every primitive with its number over the scene, the branches of the
+    tree left of it in the same colours, a line per node; how much was seen at all below the scene."""
     markers = [Marker(action=Marker.DELETEALL)]
 
     def marker(name, kind, index, colour, size):
@@ -110,15 +111,20 @@ def tree(known):
     root = marker("primitives", Marker.TEXT_VIEW_FACING, 0, (0.2, 0.2, 0.2), 0.0075)
     root.pose.position = Point(0.0, -0.148, 0.02)
     root.text = f"{library.node(0).count} segments seen"
+    top = LIST[1]
     for index, node in enumerate(library.upper_nodes):
         colour = COLOURS[index % len(COLOURS)]
         places = library.node(node).output[:, :2]
         path = marker("primitive paths", Marker.LINE_STRIP, index, colour, 0.0016)
         path.points = [Point(x, y, 0.004) for x, y in places]
-        label = marker("primitives", Marker.TEXT_VIEW_FACING, index + 1, colour, 0.0065)
-        middle = places[len(places) // 2]
-        label.pose.position = Point(*(middle + BESIDE * middle / max(np.linalg.norm(middle), 1e-9)), 0.02)
-        label.text = branch(node, 0)
+        label = marker("primitives", Marker.TEXT_VIEW_FACING, index + 1, (0.2, 0.2, 0.2), 0.008)
+        label.pose.position = Point(*places[len(places) // 2], 0.02)
+        label.text = str(node)
+        entry = marker("primitive tree", Marker.TEXT_VIEW_FACING, index, colour, 0.0065)
+        entry.text = branch(node, 0)
+        height = LINE * (entry.text.count("\n") + 1)
+        entry.pose.position = Point(LIST[0], top - 0.5 * height, 0.02)
+        top -= height
     for m in markers:
         m.header.frame_id = "maze"
     return MarkerArray(markers=markers)

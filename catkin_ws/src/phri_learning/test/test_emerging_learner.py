@@ -87,8 +87,10 @@ def test_the_tree_names_every_node_once():
     model = emerging_learner.Emerging(SETTINGS, squares(5), lambda known: None, refuse)
     library = model.learner.snapshot.library
     markers = emerging_learner.tree(model.learner.snapshot).markers
-    first, *lines = [line for m in markers if m.text for line in m.text.split("\n")]
+    first, *numbers = [m.text for m in markers if m.ns == "primitives"]
     assert first == f"{library.node(0).count} segments seen"
+    assert numbers == [str(node) for node in library.upper_nodes]
+    lines = [line for m in markers if m.ns == "primitive tree" for line in m.text.split("\n")]
     assert sorted(int(line.partition(":")[0]) for line in lines) == sorted(set(library.node_ids) - {0})
     paths = [m for m in markers if m.points]
     assert len(paths) == len(library.upper_nodes) > 0
