@@ -36,6 +36,8 @@ CUMULANTS = {"Cumulants/T:50/S:2/K:2/p:4": 1000, "Cumulants/T:50/S:2/K:4/p:4": 3
 LEARNING = {f"{work}/{states}": 10 for work in ("viterbi", "baum_welch") for states in (10, 20, 40)}
 MPC = {"backward": 20, "median": 60, "p999": 150, "allocations": 0}
 TICK = {"unit": "ns", "step": {"median": 1000, "p999": 5000}, "tick": {"median": 100, "p999": 900}}
+BESIDE = {"tick": {"alone": {"p999": 200}, "learning": {"p999": 300}},
+          "response": {"alone": {"p999": 2000}, "learning": {"p999": 1000}}}
 PROGRAM = """#!/bin/bash
 case $1 in --write_case=*) echo '{}' >"${1#*=}"; exit ;; esac
 echo '%s'
@@ -174,6 +176,7 @@ def fakes(tmp_path):
         "phri_control/bench/bench_risk": entries(RISK),
         "phri_control/bench/bench_cumulants": entries(CUMULANTS),
         "phri_control/bench/bench_mpc": MPC,
+        "phri_sim/bench/bench_learning": BESIDE,
         "phri_learning/bench/bench_hmm": entries(LEARNING),
         "phri_learning/bench/bench_recognition": entries({"recognise/primitives:50/states:10": 15}),
     }.items():
@@ -207,6 +210,7 @@ def test_without_peers_every_row_is_there_and_has_none(fakes):
     ours = {row["name"]: row["ours"] for row in result["rows"]}
     assert ours["trial_speed"] == 200.0  # 20 s in 100 ms
     assert (ours["tick_step_p999"], ours["tick_loop_median"], ours["plan_lqr"]) == (5000, 100, 20)
+    assert (ours["learning_beside_tick"], ours["learning_beside_plan"]) == (1.5, 0.5)
     assert (ours["arm_solve"], ours["arm_iteration"], ours["arm_stage"]) == (60, 20, 20)
     met = {row["name"]: row["met"] for row in result["rows"]}
     assert met["mpc_backward"] and met["mpc_allocations"] and met["mpc_p999"] is False

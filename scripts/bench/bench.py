@@ -19,15 +19,16 @@ import sys
 import tempfile
 import threading
 
-from rows import ROWS, complete, missed, scaling, table, write_docs
+from rows import ROWS, beside, complete, missed, scaling, table, write_docs
 
 HERE = pathlib.Path(__file__).resolve().parent
 PEERS = ("numpy", "crocoddyl", "crocoddyl_cpp", "hmmlearn", "mujoco", "pybullet")
-SIM_PROGRAMS = ("bench_tick", "bench_pipeline")
+SIM_PROGRAMS = ("bench_tick", "bench_pipeline", "bench_learning")
 CONTROL_PROGRAMS = ("bench_scenes", "bench_risk", "bench_cumulants", "bench_mpc")
 LEARNING_PROGRAMS = ("bench_hmm", "bench_recognition")
 REQUEST_LIMIT = 600  # [s] a peer that does not answer is broken; crocoddyl_cpp compiles first
 PLANS = 5000  # of bench_mpc per round
+LEARNING_SECONDS = 10  # of bench_learning per round, in real time
 # what the rows need of the programs that measure more
 FILTERS = {
     "bench_risk": "^(lq_plain/(50|200|500)|risk_force_noise/(1_source/200|2_sources/(50|500)|3_sources/200))$",
@@ -143,7 +144,8 @@ def measure_ours(sim, control, learning, seconds, plans):
     for program in LEARNING_PROGRAMS:
         ours.update({entry["name"]: entry["cpu_time"] for entry in google(learning / program, seconds)})
     mpc = json.loads(output_of([control / "bench_mpc", plans]))
-    return {**ours, **scaling(passes), **{f"mpc_{key}": value for key, value in mpc.items()}}
+    live = json.loads(output_of([sim / "bench_learning", LEARNING_SECONDS if plans == PLANS else 3]))
+    return {**ours, **scaling(passes), **{f"mpc_{key}": value for key, value in mpc.items()}, **beside(live)}
 
 
 def machine():

@@ -49,6 +49,8 @@ ROWS = (
     *(Spec(f"viterbi_{states}", "us", f"viterbi/{states}", ("hmmlearn",), aim=80.0) for states in (10, 20, 40)),
     *(Spec(f"baum_welch_{states}", "us", f"baum_welch/{states}", ("hmmlearn",), aim=15.0) for states in (10, 20, 40)),
     Spec("recognition", "us", "recognise/primitives:50/states:10", aim=70.0),
+    Spec("learning_beside_tick", "times", "learning_beside_tick"),
+    Spec("learning_beside_plan", "times", "learning_beside_plan"),
     Spec("trial_speed", "simulated s/s", "trial_speed", ("mujoco", "pybullet"), more_is_better=True),
     Spec("mass_damper_stage", "ns", "mass_damper/backward/stage", NEUTRAL, aim=18.0),
     Spec("mass_damper_risk_stage", "ns", "mass_damper/risk_backward/stage", NEUTRAL, aim=4.0),
@@ -80,6 +82,12 @@ def scaling(passes):
         / passes["lq_plain/200"],
         "scaling_cumulants": passes[cumulants(50, 4)] / passes[cumulants(50, 2)],
     }
+
+
+def beside(times):
+    """The rows learning_beside_*: 99.9th percentiles with learning beside over those without, of one run."""
+    return {f"learning_beside_{what}": times[part]["learning"]["p999"] / times[part]["alone"]["p999"]
+            for what, part in (("tick", "tick"), ("plan", "response"))}
 
 
 def ratio_of(ours, peer, more_is_better):

@@ -21,11 +21,21 @@ struct Posterior
   double log_likelihood = 0.0;
 };
 
+/// One step of the forward recursion (S), not yet divided by its sum.
+inline void forward(const double* before, const double* stay, const double* next, const double* b, Eigen::Index states,
+                    double* now)
+{
+  now[0] = before[0] * stay[0] * b[0];
+  for (Eigen::Index i = 1; i < states; ++i)
+    now[i] = (before[i] * stay[i] + before[i - 1] * next[i - 1]) * b[i];
+}
+
 /// Forward-backward in probabilities, those of every sample divided by their sum. What is lost because it is smaller
 /// than e^-700 of the rest could grow again, at most by what the remaining sums amount to; false if that could matter.
 bool scaledPosterior(const TimeHmm& hmm, const Eigen::MatrixXd& emission, Posterior* result)
 {
-  constexpr double kLargestLoss = 600.0;  // less than -kSmallest: e^-100 of the likelihood is lost
+  constexpr double kLargestLoss = 550.0;   // less than -kSmallest: e^-100 of the likelihood is lost
+  constexpr double kLogarithmDue = 1e-20;  // of the product of sums: one logarithm for many samples, e^-46 at most late
   const Eigen::Index states = hmm.states(), samples = emission.cols(), moves = states - 1;
   const Eigen::RowVectorXd top = emission.colwise().maxCoeff();
   if (!top.allFinite())
@@ -36,20 +46,21 @@ bool scaledPosterior(const TimeHmm& hmm, const Eigen::MatrixXd& emission, Poster
   const Eigen::ArrayXd next = hmm.parameters().transition.diagonal(1);
   Eigen::ArrayXXd alpha(states, samples);
   Eigen::ArrayXd scale(samples), beta = Eigen::ArrayXd::Ones(states), ahead(states);
-  double loss = 0.0;
+  alpha.col(0) = hmm.parameters().initial.array() * b.col(0);
+  double loss = 0.0, product = 1.0;
   for (Eigen::Index t = 0; t < samples; ++t)
   {
-    if (t == 0)
-      alpha.col(0) = hmm.parameters().initial;
-    else
-    {
-      alpha.col(t) = alpha.col(t - 1) * stay;
-      alpha.col(t).tail(moves) += alpha.col(t - 1).head(moves) * next;
-    }
-    alpha.col(t) *= b.col(t);
+    double* now = alpha.col(t).data();
+    if (t > 0)
+      forward(alpha.col(t - 1).data(), stay.data(), next.data(), b.col(t).data(), states, now);
     const double sum = alpha.col(t).sum();
-    loss -= std::log(sum);
-    if (!(loss < kLargestLoss))
+    product *= sum;
+    if (!(product > kLogarithmDue && product < 1.0 / kLogarithmDue) || t + 1 == samples)
+    {
+      loss -= std::log(product);
+      product = 1.0;
+    }
+    if (!(sum > 0.0) || !(loss < kLargestLoss))
       return false;
     scale(t) = 1.0 / sum;
     alpha.col(t) *= scale(t);
@@ -61,11 +72,18 @@ bool scaledPosterior(const TimeHmm& hmm, const Eigen::MatrixXd& emission, Poster
   for (Eigen::Index t = samples - 1; t-- > 0;)
   {
     ahead = b.col(t + 1) * beta * scale(t + 1);
-    result->stay.array() += alpha.col(t) * ahead;
-    result->next.head(moves).array() += alpha.col(t).head(moves) * ahead.tail(moves);
-    beta = stay * ahead;
-    beta.head(moves) += next * ahead.tail(moves);
-    result->gamma.col(t) = alpha.col(t) * beta;
+    const double *now = alpha.col(t).data(), *then = ahead.data();
+    double *stayed = result->stay.data(), *left = result->next.data(), *gamma = result->gamma.col(t).data();
+    for (Eigen::Index i = 0; i < moves; ++i)
+    {
+      stayed[i] += now[i] * then[i];
+      left[i] += now[i] * then[i + 1];
+      beta[i] = stay[i] * then[i] + next[i] * then[i + 1];
+      gamma[i] = now[i] * beta[i];
+    }
+    stayed[moves] += now[moves] * then[moves];
+    beta[moves] = stay[moves] * then[moves];
+    gamma[moves] = now[moves] * beta[moves];
   }
   result->stay.array() *= stay;
   result->next.head(moves).array() *= next;

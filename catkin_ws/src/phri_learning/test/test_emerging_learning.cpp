@@ -216,6 +216,7 @@ TEST(EmergingLearning, segmentsThatNobodyTakesAreLostOldestFirstAndCounted)
   for (std::size_t i = 0; i < 4; ++i)
     EXPECT_EQ(kept[i].samples, all[all.size() - 4 + i].samples);
 }
+
 TEST(EmergingLearning, aWindowHoldsTheNeighboursInTheirOrderAndTime)
 {
   const TimeHmm before(testing::randomModel(1, 6, 1, 2)), own(testing::randomModel(2, 5, 1, 2)),
@@ -238,6 +239,117 @@ TEST(EmergingLearning, aWindowHoldsTheNeighboursInTheirOrderAndTime)
   EXPECT_EQ(alone.begin, 0.0);
   EXPECT_EQ(alone.hmm->parameters().mean_t, own.parameters().mean_t);
   EXPECT_THROW(primitiveWindow(nullptr, own, nullptr, 7), std::invalid_argument);
+}
+
+/// The farthest prediction of a state.
+Eigen::VectorXd farthest(EmergingPartner* partner)
+{
+  const auto prediction = partner->predict(kHorizon, kHorizon);
+  return prediction ? prediction->desired_state.back().mean : Eigen::VectorXd();
+}
+
+TEST(EmergingLearning, newKnowledgeIsBlendedIn)
+{
+  // of what knowledge adopted at a sample changes in the forecast at that sample, 1 / (b + 1) comes at once; b = blend
+  constexpr int kBlend = 4, kEvery = 20;  // [samples]
+  constexpr double kRounding = 1e-9;      // [m]
+  constexpr double kSomething = 1e-3;     // [m] that knowledge of more repetitions says otherwise
+  EmergingOptions plain = options(), blended = options();
+  plain.blend = 0;
+  blended.blend = kBlend;
+  Taught teacher(options());
+  const Drawing drawing = flower(7, 6);
+  const Eigen::Index count = drawing.samples.rows(), from = count * 2 / 3;
+  std::shared_ptr<const LearnedPrimitives> less, more;
+  for (Eigen::Index t = 0; t < count; ++t)
+  {
+    teacher.see(static_cast<double>(t) * kSampling, drawing.samples.row(t));
+    (t < from ? less : more) = teacher.learner.snapshot();
+  }
+  EmergingPartner partners[2] = { EmergingPartner(plain), EmergingPartner(blended) };
+  for (EmergingPartner& partner : partners)
+    partner.adopt(less);
+  int adopted = 0, since = 0, primitive = -1;
+  double largest = 0.0;
+  for (Eigen::Index t = from; t < count; ++t)
+  {
+    for (EmergingPartner& partner : partners)
+      partner.observe(observation(static_cast<double>(t) * kSampling, drawing.samples.row(t)));
+    since = partners[0].primitive() == primitive ? since + 1 : 0;
+    primitive = partners[0].primitive();
+    if ((t - from) % kEvery != kEvery - 1)
+      continue;
+    const bool comparable = primitive >= 0 && since > kBlend;  // what faded before has faded
+    ++adopted;
+    std::optional<phri_core::Prediction> before[2], after[2];
+    for (std::size_t i = 0; i < 2; ++i)
+    {
+      before[i] = partners[i].predict(kHorizon, kSampling);
+      partners[i].adopt(adopted % 2 == 1 ? more : less);
+      after[i] = partners[i].predict(kHorizon, kSampling);
+    }
+    primitive = partners[0].primitive();
+    since = 0;
+    for (std::size_t k = 0; comparable && after[0] && k < after[0]->desired_state.size(); ++k)
+    {
+      const auto jump = [&](std::size_t i) -> Eigen::VectorXd {
+        return after[i]->desired_state[k].mean - before[i]->desired_state[k].mean;
+      };
+      EXPECT_LT((jump(0) / (kBlend + 1) - jump(1)).norm(), kRounding) << t;
+      largest = std::max(largest, jump(0).head(2).norm());
+    }
+  }
+  EXPECT_GT(largest, kSomething);
+}
+
+TEST(EmergingLearning, aForecastReachesItsHorizonBetweenSamplesToo)
+{
+  // half a sampling time after a sample the farthest point lies beyond a horizon from that sample. It is the one that a
+  // partner with a longer horizon sees there; and when the primitive changes, what fades (see aChangeOfPrimitiveIs-
+  // Blended) is the difference to the earlier forecast, continued in a straight line.
+  constexpr int kBlend = 4;
+  constexpr double kRounding = 1e-9;  // [m]
+  EmergingOptions o[3] = { options(), options(), options() };
+  o[0].blend = o[1].blend = 0;
+  o[1].horizon += 0.1;
+  o[2].blend = kBlend;
+  Taught learner(options());
+  const Drawing drawing = flower(7, 6);
+  for (Eigen::Index t = 0; t < drawing.samples.rows() / 2; ++t)
+    learner.see(static_cast<double>(t) * kSampling, drawing.samples.row(t));
+  EmergingPartner partners[3] = { EmergingPartner(o[0]), EmergingPartner(o[1]), EmergingPartner(o[2]) };
+  for (EmergingPartner& partner : partners)
+    partner.adopt(learner.learner.snapshot());
+  Eigen::VectorXd earlier_at, earlier_between;
+  int changes = 0, since = 0, primitive = -1;
+  for (Eigen::Index t = drawing.samples.rows() / 2; t < drawing.samples.rows(); ++t)
+  {
+    const double time = static_cast<double>(t) * kSampling;
+    Eigen::VectorXd at[3], between[3];
+    for (std::size_t i = 0; i < 3; ++i)
+    {
+      partners[i].observe(observation(time, drawing.samples.row(t)));
+      at[i] = farthest(&partners[i]);
+      partners[i].observe(observation(time + 0.5 * kSampling, drawing.samples.row(t)));
+      between[i] = farthest(&partners[i]);
+    }
+    const int now = partners[0].primitive();
+    if (now >= 0)
+    {
+      EXPECT_LT((between[0] - between[1]).norm(), kRounding) << t;
+    }
+    if (now >= 0 && primitive >= 0 && now != primitive && since > kBlend)
+    {
+      const Eigen::VectorXd earlier = 3.0 * earlier_between - 2.0 * earlier_at;  // a whole sampling time farther
+      EXPECT_LT((between[2] - between[0] - kBlend / (kBlend + 1.0) * (earlier - between[0])).norm(), kRounding) << t;
+      ++changes;
+    }
+    since = now != primitive ? 0 : since + 1;
+    primitive = now;
+    earlier_at = at[2];
+    earlier_between = between[2];
+  }
+  EXPECT_GT(changes, 5);
 }
 }  // namespace
 }  // namespace phri_learning

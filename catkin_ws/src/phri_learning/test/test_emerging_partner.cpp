@@ -172,6 +172,37 @@ TEST_P(References, observesAndPredictsWithoutAllocating)
   EXPECT_GT(taught.partner.waitingSegments(), 5);
 }
 
+TEST_P(References, aNewSeriesIsPredictedAsByAPartnerThatSawNoOther)
+{
+  const Drawing drawing = flower(15, 6);
+  constexpr Eigen::Index kBack = 12;  // [samples] it begins where the one before has just been
+  const Eigen::Index half = drawing.samples.rows() / 2 + 137;
+  Taught taught(options(GetParam()));
+  for (Eigen::Index t = 0; t < half; ++t)
+    taught.see(static_cast<double>(t) * kSampling, drawing.samples.row(t));
+  EmergingPartner fresh(options(GetParam()));
+  fresh.adopt(taught.learner.snapshot());
+  taught.partner.reset();
+  EXPECT_FALSE(taught.partner.predict(kHorizon, kStep)) << "of a series without a sample";
+  EXPECT_EQ(taught.partner.primitive(), -1);
+  int predicted = 0;
+  for (Eigen::Index t = 0; t < 100; ++t)
+  {
+    const auto o = observation(static_cast<double>(t) * kSampling, drawing.samples.row(half - kBack + t));
+    taught.partner.observe(o);
+    fresh.observe(o);
+    const auto a = taught.partner.predict(kHorizon, kStep), b = fresh.predict(kHorizon, kStep);
+    ASSERT_EQ(a.has_value(), b.has_value()) << t;
+    for (std::size_t k = 0; a && k < a->desired_state.size(); ++k)
+    {
+      ASSERT_EQ(a->desired_state[k].mean, b->desired_state[k].mean) << t;
+      ASSERT_EQ(a->desired_state[k].covariance, b->desired_state[k].covariance) << t;
+    }
+    predicted += a.has_value();
+  }
+  EXPECT_GT(predicted, 80);
+}
+
 INSTANTIATE_TEST_SUITE_P(All, References, ::testing::Values(Reference::kPath, Reference::kDisplacement),
                          [](const auto& tested) { return tested.param == Reference::kPath ? "path" : "displacement"; });
 
@@ -218,6 +249,11 @@ TEST(EmergingPartner, betweenSamplesADisplacementStillBeginsAtTheHandleAndAPathS
     const auto after = taught.partner.predict(0.2, kSampling / 2);
     ASSERT_TRUE(before && after);
     constexpr double kRounding = 1e-9;  // [m]
+    for (std::size_t k = 0; k + 2 < before->desired_state.size(); k += 2)
+    {
+      const auto spread = [&](std::size_t node) { return before->desired_state[node].covariance; };
+      EXPECT_LT((0.5 * (spread(k) + spread(k + 2)) - spread(k + 1)).norm(), kRounding * spread(k + 1).norm()) << k;
+    }
     for (std::size_t k = 0; k + 1 < after->desired_state.size(); ++k)
     {
       const Eigen::VectorXd expected = before->desired_state[k + 1].mean, now = after->desired_state[k].mean;
@@ -230,6 +266,44 @@ TEST(EmergingPartner, betweenSamplesADisplacementStillBeginsAtTheHandleAndAPathS
       EXPECT_LT((now - pushed.head(4).transpose() - change).norm(), kRounding) << k;
     }
   }
+}
+
+TEST(EmergingPartner, thePrimitiveInForceIsTheOneWhoseStateIsLikeliestForLongEnough)
+{
+  // the winner's window holds the end of its predecessor and the beginning of its successor
+  Taught taught(options());
+  const Drawing drawing = flower(7, 6);
+  const int confirm = options().recogniser.confirm;
+  int expected = -1, same = 0, in_predecessor = 0, in_successor = 0, in_force = -1;
+  for (Eigen::Index t = 0; t < drawing.samples.rows(); ++t)
+  {
+    taught.see(static_cast<double>(t) * kSampling, drawing.samples.row(t));
+    const int winner = taught.partner.recogniser().winner(), now = taught.partner.primitive();
+    EXPECT_EQ(now >= 0, winner >= 0) << t;
+    if (winner < 0)
+    {
+      in_force = expected = -1;
+      continue;
+    }
+    const std::size_t i = static_cast<std::size_t>(winner);
+    const LearnedPrimitive& p = taught.partner.learned()->primitives[i];
+    const int state = taught.partner.recogniser().entries()[i].state;
+    const bool before = state < p.window.before, after = state >= p.window.before + p.own->states();
+    const int node = before ? p.predecessor : after ? p.successor : p.node;
+    same = node == expected ? same + 1 : 1;
+    expected = node;
+    if (in_force < 0 || same >= confirm)
+    {
+      EXPECT_EQ(now, node) << t;
+      in_predecessor += before;
+      in_successor += after;
+    }
+    else
+      EXPECT_TRUE(now == in_force || now == node) << t;  // `node` at once: where knowledge is new
+    in_force = now;
+  }
+  EXPECT_GT(in_predecessor, 0);
+  EXPECT_GT(in_successor, 100);
 }
 
 TEST(EmergingPartner, aRobotThatTracksItGoesOnAloneAlongTheFlower)

@@ -296,6 +296,18 @@ TEST(Training, reportsStarvedStatesAndKeepsThemInOrder)
   EXPECT_TRUE(train(movements(7, 2), options(10)).starved.empty());
 }
 
+TEST(Training, whatLastedOneSampleMayLastLonger)
+{
+  // one sample per state: no demonstration says that a state can be kept, and none that it cannot
+  Eigen::MatrixXd quick(6, 1), slow(12, 1);
+  for (int t = 0; t < 6; ++t)
+    quick(t) = slow(2 * t) = slow(2 * t + 1) = t;
+  const TimeHmm model = train({ quick, quick }, options(6, 0.0)).model;
+  EXPECT_TRUE(std::isfinite(model.score(slow)));
+  EXPECT_LT(model.score(slow), model.score(quick));
+  EXPECT_TRUE((model.parameters().transition.diagonal().array() > 0.0).all());
+}
+
 TEST(Training, refusesBadInputAndNamesIt)
 {
   const auto refusal = [](const std::vector<Eigen::MatrixXd>& x, const TrainingOptions& o) {

@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "phri_core/random.hpp"
+#include "phri_learning/learned_primitives.hpp"
 
 namespace phri_learning
 {
@@ -128,6 +129,21 @@ protected:
   }
   std::filesystem::path folder_;
 };
+
+TEST(PrimitiveLibrary, AnAxisThatMovesByRoundingOnlyDecidesNothing)
+{
+  // A pose solved for a constant height comes back as 1e-17 m here and 0 there. That is no shape: the partition is that
+  // of the axes that move.
+  const std::vector<Example> flat = shuffled(3, 1);
+  std::vector<Example> examples = flat;
+  for (std::size_t i = 0; i < examples.size(); ++i)
+  {
+    Eigen::MatrixXd& x = examples[i].samples;
+    x.conservativeResize(Eigen::NoChange, 5);
+    x.col(4) = (i % 2 == 0 ? 0.0 : 1e-17) * (1.0 + 0.1 * static_cast<double>(i)) * x.col(0);
+  }
+  EXPECT_EQ(partition(learned(examples), examples), partition(learned(flat), flat));
+}
 
 TEST(PrimitiveLibrary, ThreeShapesInAnyOrderBecomeThreePurePrimitives)
 {
@@ -264,6 +280,14 @@ TEST(PrimitiveLibrary, WhatANodeRemembersIsBounded)
   for (const int id : library.upperNodes())
     counted += library.node(id).count;
   EXPECT_EQ(counted, 45);
+  for (const int id : library.upperNodes())
+  {
+    // the latest of its branch, on which its model is trained, latest first
+    std::vector<Eigen::MatrixXd> latest = memberSamples(library, id);
+    ASSERT_EQ(latest.size(), 4u);
+    std::reverse(latest.begin(), latest.end());
+    EXPECT_EQ(library.node(id).model->hmm->parameters().mean_s, train(latest, o.training).model.parameters().mean_s);
+  }
   EXPECT_EQ(library.node(0).count, 45);
 }
 

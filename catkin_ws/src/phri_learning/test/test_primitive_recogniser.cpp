@@ -209,6 +209,36 @@ TEST(PrimitiveRecogniser, aSingleOutlierDoesNotEndRecognition)
   }
 }
 
+TEST(PrimitiveRecogniser, everyExampleBeginsAnewAndEverySampleCountsAlike)
+{
+  const Learned a = learned(1, 0.0, 0.0);
+  const Eigen::MatrixXd first = a.example.topRows(70), second = a.example.bottomRows(40);
+  const auto typical = [&](const std::vector<Eigen::MatrixXd>& examples) {
+    return typicalIncrement(*a.model.hmm, examples, 0.01);
+  };
+  const double expected = (70.0 * typical({ first }) + 40.0 * typical({ second })) / 110.0;
+  EXPECT_NEAR(typical({ second, first }), expected, kRounding * std::abs(expected));
+}
+
+TEST(PrimitiveRecogniser, nothingIsLeftAfterAReset)
+{
+  const Learned a = learned(1, 0.0, 0.0), b = learned(1, 0.008, 0.0);
+  PrimitiveRecogniser used({ a.model, b.model }), fresh({ a.model, b.model });
+  for (Eigen::Index t = 0; t < 17; ++t)
+    used.filter(b.example.row(t).transpose());
+  ASSERT_EQ(used.winner(), 1);
+  used.reset();
+  EXPECT_EQ(used.winner(), -1);
+  for (Eigen::Index t = 60; t < 120; ++t)
+  {
+    const auto& expected = fresh.filter(a.example.row(t).transpose());
+    const auto& found = used.filter(a.example.row(t).transpose());
+    for (std::size_t i = 0; i < 2; ++i)
+      ASSERT_EQ(found[i].log_likelihood, expected[i].log_likelihood) << t;
+    ASSERT_EQ(used.winner(), fresh.winner()) << t;
+  }
+}
+
 TEST(PrimitiveRecogniser, refusesWhatItCannotUseAndThenStaysAsItWas)
 {
   const auto hmm = randomHmm(1);

@@ -285,6 +285,86 @@ TEST(Segmentation, MemoryAndDelayStayBounded)
   EXPECT_EQ(segmentation.memoryBytes(), memory);
 }
 
+TEST(Segmentation, MarginIsWhatOnePrototypeForBothNeighboursWouldCostMore)
+{
+  double largest = 0.0;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed)
+  {
+    const SegmentationOptions o = small();
+    const Eigen::MatrixXd y = jumps(seed, 90, 2), d = distances(y, o);
+    const std::vector<Boundary> boundaries = segmentOffline(y, o);
+    std::vector<Eigen::Index> cuts = { 0 };
+    for (const Boundary& b : boundaries)
+      cuts.push_back(b.index + (o.window - 1) / 2 - (o.window - 1));
+    cuts.push_back(d.cols());
+    const auto stretch = [&](Eigen::Index from, Eigen::Index until) {
+      return d.middleCols(from, until - from).rowwise().sum().minCoeff();
+    };
+    for (std::size_t i = 0; i < boundaries.size(); ++i)
+    {
+      const double apart = stretch(cuts[i], cuts[i + 1]) + stretch(cuts[i + 1], cuts[i + 2]);
+      const double expected = stretch(cuts[i], cuts[i + 2]) - apart - o.switch_cost;
+      EXPECT_NEAR(boundaries[i].margin, std::max(0.0, expected), kRounding) << "seed " << seed;
+      largest = std::max(largest, expected);
+    }
+  }
+  EXPECT_GT(largest, 1.0);
+}
+
+TEST(Segmentation, OneRegimeIsOneSegmentHoweverLong)
+{
+  // ten times the horizon: what is forgotten at the beginning costs nothing, so the regime in force stays in force
+  const SegmentationOptions o = small();
+  phri_core::Random random(7);
+  Eigen::MatrixXd y(10 * o.horizon, 1);
+  for (Eigen::Index t = 0; t < y.rows(); ++t)
+    y(t) = 0.3 * random.normal();
+  EXPECT_TRUE(online(y, o).empty());
+}
+
+TEST(Segmentation, ASeriesBeginsFreeOfWhatWasInForceBefore)
+{
+  // a regime outlasts the horizon, so it is carried along as prototype 0. The next series begins a little aside: a
+  // window of its own fits better, and without a regime in force taking it costs no switch.
+  const SegmentationOptions o = small();
+  OnlineSegmentation segmentation(o, 1);
+  for (int t = 0; t < 3 * o.horizon; ++t)
+    EXPECT_FALSE(segmentation.push(Eigen::VectorXd::Zero(1)));
+  EXPECT_TRUE(segmentation.finish().empty());
+  std::vector<Boundary> found;
+  for (int t = 0; t < 80; ++t)
+    if (const auto boundary = segmentation.push(Eigen::VectorXd::Constant(1, t < 40 ? 0.3 : 5.0)))
+      found.push_back(*boundary);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_LE(std::abs(static_cast<double>(found[0].index - 40)), o.window);
+  EXPECT_NE(found[0].ended, 0);
+  EXPECT_TRUE(segmentation.finish().empty());
+}
+
+TEST(Segmentation, KnownRegimesAreFoundAgainAndTheLeastRecentlyUsedIsForgotten)
+{
+  // Regimes that alternate between two values of their own: all overlaps are 0 or 1/2 exactly, and of equally good
+  // states the oldest wins. Two prototypes are kept.
+  SegmentationOptions o = small();
+  o.prototypes = 2;
+  o.lag = 100;
+  o.horizon = 300;
+  OnlineSegmentation segmentation(o, 1);
+  const auto ended = [&](const std::vector<int>& regimes) {
+    for (const int regime : regimes)
+      for (int t = 0; t < 40; ++t)
+        EXPECT_FALSE(segmentation.push(Eigen::VectorXd::Constant(1, 1000.0 * regime + 100.0 * (t % 2))));
+    std::vector<int> ids;
+    for (const Boundary& boundary : segmentation.finish())
+      ids.push_back(boundary.ended);
+    return ids;
+  };
+  EXPECT_EQ(ended({ 0, 1 }), std::vector<int>{ 0 });  // regimes 0 and 1 are prototypes 0 and 1
+  EXPECT_EQ(segmentation.knownPrototypes(), 2);
+  EXPECT_EQ(ended({ 2, 0, 3 }), (std::vector<int>{ 2, 0 }));  // 2 and 3 take the places of 1, then of 0
+  EXPECT_EQ(ended({ 0, 2, 1 }), (std::vector<int>{ 4, 2 }));
+}
+
 TEST(Segmentation, PushDoesNotAllocate)
 {
   if (!phri_core::testing::kCountsAllocations)

@@ -101,7 +101,32 @@ TEST(Pace, AllOfItInItsDurationAndUniformWhereNothingBends)
   const Pace even(ring, 20.0);
   const double speed = (even.at(15.0) - even.at(5.0)) / 10.0;
   EXPECT_NEAR(even.at(12.0) - even.at(8.0), 4.0 * speed, 0.01 * 4.0 * speed);
+  // a millimetre at either end takes sqrt(10) times as long as one in the middle, so two of those are not enough
+  EXPECT_LT(even.at(0.002 / speed), 0.001);
+  EXPECT_GT(even.at(20.0 - 0.002 / speed), ring.length() - 0.001);
   EXPECT_THROW(Pace(ring, 0.0), std::invalid_argument);
+  // what does not bend at all takes its time, too: half of a straight line half of it
+  const Route straight =
+      planRoute(loadScene(temporary("line.yaml", "path: {x: [-0.1, 0, 0.1], y: [0, 0, 0]}\n")), 0.012);
+  EXPECT_NEAR(Pace(straight, 10.0).at(5.0), 0.5 * straight.length(), kRounding);
+}
+
+TEST(Flower, WhatTheExperimentSaysOfTheModelHoldsForTheLearner)
+{
+  const auto options = flower({ { "model/horizon", 0.25 },
+                                { "model/reference", std::string("displacement") },
+                                { "model/time", std::string("thesis") },
+                                { "model/recognition", std::string("position") },
+                                { "model/window", 17.0 },
+                                { "model/states", 7.0 } })
+                           ->model.emergingOptions();
+  EXPECT_EQ(options.dof, 2);
+  EXPECT_EQ(options.horizon, 0.25);
+  EXPECT_EQ(options.reference, phri_learning::Reference::kDisplacement);
+  EXPECT_EQ(options.time, phri_learning::timeEstimateNamed("thesis"));
+  EXPECT_EQ(options.recognition, phri_learning::Recognition::kPosition);
+  EXPECT_EQ(options.recogniser.window, 17);
+  EXPECT_EQ(options.primitives.training.states, 7);
 }
 
 TEST(Flower, PersonFollowsThePathAndALapEndsOnlyAfterAllOfIt)

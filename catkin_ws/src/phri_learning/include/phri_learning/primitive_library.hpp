@@ -53,7 +53,8 @@ struct PrimitiveOptions
   CutRule rule = CutRule::kLogMean;
   /// Repetitions of one primitive differ by about this fraction of the data's size (standard deviation of all samples
   /// so far, per dimension). Models are compared with that much variance added; otherwise a straight segment along an
-  /// axis, whose other dimensions hardly vary, would be far from its own repetition. > 0.
+  /// axis, whose other dimensions hardly vary, would be far from its own repetition. > 0. A size below 1e-9 (a
+  /// nanometre) counts as that much: rounding is no shape.
   double spread = 0.1;
   double laplace = 0.0;  ///< alpha >= 0 of the succession probabilities
   int remembered = 12;   ///< segments that a node keeps for training and clustering, >= m; the oldest is forgotten, but
