@@ -295,7 +295,7 @@ def test_real_programs_and_the_peer_that_needs_nothing(tmp_path):
     assert {row["name"] for row in result["rows"]} == {spec.name for spec in rows.ROWS}, done.stderr
     for row in result["rows"]:
         assert set(row) == KEYS and row["runs"] == 1
-        assert row["ours"] == 0 if row["name"] == "mpc_allocations" else row["ours"] > 0
+        assert row["ours"] == 0 if row["name"] == "mpc_allocations" else row["ours"] > 0, row
         if row["peer"] and row["peer"].startswith("numpy"):
             assert row["check"] <= rows.SAME and row["ratio"] > 0 and row["reason"] is None
     assert sum(str(row["peer"]).startswith("numpy") for row in result["rows"]) == 3

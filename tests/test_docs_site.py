@@ -19,8 +19,9 @@ DOCS = ROOT / "docs"
 PACKAGES = ROOT / "catkin_ws" / "src"
 PAGES = sorted(DOCS.glob("*.md"))
 # programs of Debian and of the shell that a page may name as they are
-PLAIN = {"pip", "unzip", "apt-get", "cd", "cp", "export", "docker", "sudo", "ls", "cat", "rosnode", "rosparam", "xvfb-run", "mkdir",
-         "source", "which", "unset", "df", "glxinfo", "usermod", "ulimit", "python3", "less", "xdg-open"}
+PLAIN = {"pip", "unzip", "apt-get", "cd", "cp", "export", "docker", "sudo", "ls", "cat", "rosnode", "rosparam",
+         "xvfb-run", "mkdir", "source", "which", "unset", "df", "glxinfo", "usermod", "ulimit", "python3", "less",
+         "xdg-open"}
 OTHERS_NODES = [["dynamic_reconfigure", "dynparam"]]
 
 sys.path.insert(0, str(DOCS))
