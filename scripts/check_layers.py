@@ -27,7 +27,7 @@ SEES = {
     "phri_control": {"eigen", "phri_core", "kdl"},
     "phri_learning": {"eigen", "phri_core", "nlohmann", "openssl"},
     "phri_planning": {"eigen", "phri_core", "ompl"},
-    "phri_sim": {"eigen", "bullet", "kdl", "yaml", "pixbuf", "zlib", "nlohmann"} | PEERS,
+    "phri_sim": {"eigen", "bullet", "kdl", "yaml", "pixbuf", "tinyxml2", "zlib", "nlohmann"} | PEERS,
     "phri_rviz": {"qt", "ros", "messages", "phri_msgs"},  # a plugin of rviz: no core of its own
 }
 ROS_ZONE = {"ros", "messages", "phri_msgs"}
@@ -37,7 +37,8 @@ NODE_FOLDERS = ("ros", "nodes")
 LIBRARIES = [(re.compile(pattern), library) for pattern, library in (
     (r"(phri_\w+)/", None),  # one of ours: its own name
     (r"(unsupported/)?Eigen/", "eigen"),
-    (r"(kdl|kdl_parser|urdf|urdf_model)/", "kdl"),
+    (r"(kdl|kdl_parser|urdf|urdf_model|urdf_parser)/", "kdl"),
+    (r"tinyxml2\.h$", "tinyxml2"),
     (r"ompl/", "ompl"),
     (r"nlohmann/", "nlohmann"),
     (r"openssl/", "openssl"),
@@ -53,11 +54,12 @@ LIBRARIES = [(re.compile(pattern), library) for pattern, library in (
     (r"\w+_msgs/|std_srvs/|ros/(time|duration|header|message\w*|serialization)\.h$", "messages"),
     (r"(ros|tf2\w*|roslib|actionlib|diagnostic_updater|dynamic_reconfigure|interactive_markers|message_filters|nodelet"
      r"|pluginlib|rviz|xmlrpcpp|rosgraph\w*|topic_tools)/|XmlRpc\w*\.h$", "ros"),
-    (r"[a-z_0-9]+$|(sys|linux)/|(assert|dlfcn|errno|fcntl|float|limits|math|poll|pthread|sched|signal|spawn|std\w+"
-     r"|string|time|unistd|[exp]mmintrin)\.h$", "std"),
+    (r"[a-z_0-9]+$|(sys|linux)/|(assert|dlfcn|errno|fcntl|float|limits|math|poll|pthread|sched|semaphore|signal|spawn"
+     r"|std\w+|string|time|unistd|[exp]mmintrin)\.h$", "std"),
 )]
 # The same by the keys of package.xml
 KEYS = {"eigen": "eigen", "orocos_kdl": "kdl", "liborocos-kdl-dev": "kdl", "liborocos-kdl": "kdl", "kdl_parser": "kdl",
+        "urdfdom": "kdl", "tinyxml2": "tinyxml2",
         "urdf": "kdl", "ompl": "ompl", "libompl-dev": "ompl", "nlohmann-json-dev": "nlohmann", "libssl-dev": "openssl",
         "openssl": "openssl", "libopenssl-dev": "openssl", "yaml-cpp": "yaml", "zlib": "zlib",
         "bullet": "bullet", "libbullet-dev": "bullet", "std_srvs": "messages", "message_generation": "messages",

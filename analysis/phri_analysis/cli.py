@@ -1,5 +1,6 @@
 """Command line: `phri-analysis report|check|recover|lateness BAGS...`, `phri-analysis simulate EXPERIMENT`,
-`phri-analysis learn DATA...`, `phri-analysis study NAME` and `phri-analysis figures [ID...]`.
+`phri-analysis learn DATA...`, `phri-analysis study NAME`, `phri-analysis figures [ID...]`,
+`phri-analysis calibrate-ft RECORDING` and `phri-analysis measure-delay RECORDING`.
 
 Errors are one line on stderr. Exit codes (sysexits.h): 0 done, 64 usage, 65 bad data, 66 missing input, 70 internal
 error, 74 cannot write, 78 bad configuration.
@@ -240,6 +241,42 @@ def figures(ids, rollouts, jobs, out):
     import figures as pages
 
     pages.run(ids, pages.Options(rollouts, jobs), out or Path("results") / "figures", click.echo)
+
+
+@cli.command("calibrate-ft")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--pose", default="", metavar="TOPIC", help="Pose topic of a bag. [default: the only one]")
+@click.option("--wrench", default="", metavar="TOPIC", help="Raw wrench topic of a bag. [default: the only one]")
+@click.option("--max-residual", type=click.FloatRange(min=0, min_open=True), default=0.5, show_default=True,
+              metavar="N", help="Largest rms residual [N] (a tenth of it in Nm).")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path, dir_okay=False), default=None, metavar="FILE",
+              help="Writes the result as YAML, too.")  # fmt: skip
+def calibrate_ft(recording, pose, wrench, max_residual, out):
+    """Identifies payload and bias of a force/torque sensor from RECORDING (.bag, .csv, .npz) of 8 poses at rest or
+    more: mass, centre of mass, bias, residual."""
+    from . import lab_tools
+
+    found = lab_tools.calibrate(recording, pose, wrench, max_residual)
+    click.echo("\n".join(found.lines()) + f"\n\n{found.yaml()}", nl=False)
+    if out:
+        out.write_text(found.yaml(), encoding="utf-8")
+        click.echo(f"\nwritten: {out}")
+
+
+@cli.command("measure-delay")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option(
+    "--command", default="command", show_default=True, metavar="NAME", help="Column, or TOPIC:FIELD of a bag."
+)
+@click.option("--response", default="response", show_default=True, metavar="NAME", help="The same of the response.")
+@click.option("--max-delay", type=float, default=0.2, show_default=True, metavar="S", help="Longest delay [s].")
+@click.option("--admittance", type=float, nargs=2, default=None, metavar="M D", help="Your own, beside the thesis'.")
+def measure_delay(recording, command, response, max_delay, admittance):
+    """Estimates the delay of a loop from RECORDING (.bag, .csv, .npz) of its command and response, and prints the
+    stiffness of a contact that admittances stay stable on with it."""
+    from . import lab_tools
+
+    click.echo("\n".join(lab_tools.measure_delay(recording, command, response, max_delay, admittance).lines()))
 
 
 def _finish(kept, out, title, notes=()):

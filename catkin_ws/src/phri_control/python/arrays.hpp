@@ -123,10 +123,12 @@ inline PolicyStages policyStages(std::size_t horizon, const Array& gains, const 
 }
 
 // what the other files of this folder add to the module
+void bindContact(py::module_& m);
 void bindCumulants(py::module_& m);
 void bindIterative(py::module_& m);
 void bindMultiplicative(py::module_& m);
 void bindPlants(py::module_& m);
 void bindRisk(py::module_& m);
 void bindRollOuts(py::module_& m);
+void bindSensor(py::module_& m);
 }  // namespace phri_control::python

@@ -269,4 +269,6 @@ PYBIND11_MODULE(phri_control, m)
   bindRollOuts(m);
   bindPolicy(m);
   bindAssistance(m);
+  bindContact(m);
+  bindSensor(m);
 }

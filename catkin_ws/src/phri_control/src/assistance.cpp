@@ -117,6 +117,8 @@ public:
     stage_.gain.setZero(dof, 2 * dof);
     stage_.gain.leftCols(dof).diagonal().setConstant(-settings.pd_stiffness);
     stage_.gain.rightCols(dof).diagonal().setConstant(-settings.pd_damping);
+    stage_.gain.leftCols(dof).diagonal().tail(settings.rotations).setConstant(-settings.pd_turn_stiffness);
+    stage_.gain.rightCols(dof).diagonal().tail(settings.rotations).setConstant(-settings.pd_turn_damping);
     stage_.reference.setZero(2 * dof);
     stage_.feedforward.setZero(dof);
   }
@@ -323,13 +325,15 @@ const std::vector<std::pair<std::string, Factory>>& catalogue()
 
 }  // namespace
 
-bool withinGate(const phri_core::Observation& observation, const phri_core::Prediction& prediction, double gate)
+bool withinGate(const phri_core::Observation& observation, const phri_core::Prediction& prediction, double gate,
+                int rotations)
 {
   if (gate <= 0.0 || prediction.desired_state.empty())
     return true;
   const Eigen::VectorXd& start = prediction.desired_state.front().mean;
   const Eigen::Index dof = observation.state.size() / 2;
-  return start.size() != 2 * dof || (start.head(dof) - observation.state.head(dof)).norm() <= gate;
+  const Eigen::Index places = dof - rotations;
+  return start.size() != 2 * dof || (start.head(places) - observation.state.head(places)).norm() <= gate;
 }
 
 std::unique_ptr<AssistanceController> makeAssistance(const std::string& name, const AssistanceSettings& settings)

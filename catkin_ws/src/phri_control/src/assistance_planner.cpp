@@ -3,14 +3,18 @@
 namespace phri_control
 {
 AssistancePlanner::AssistancePlanner(const std::string& controller, const AssistanceSettings& settings, double gate)
-  : name_(controller), settings_(settings), gate_(gate), controller_(makeAssistance(controller, settings))
+  : name_(controller),
+    settings_(settings),
+    gate_(gate),
+    rotations_(settings.rotations),
+    controller_(makeAssistance(controller, settings))
 {
 }
 
 std::optional<FeedbackPolicy> AssistancePlanner::plan(const phri_core::Observation& observation,
                                                       const std::optional<phri_core::Prediction>& prediction)
 {
-  if (!prediction || !withinGate(observation, *prediction, gate_))
+  if (!prediction || !withinGate(observation, *prediction, gate_, rotations_))
     return std::nullopt;
   std::shared_ptr<AssistanceController> controller;
   int generation = 0;

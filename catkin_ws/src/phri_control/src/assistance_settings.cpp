@@ -42,6 +42,10 @@ const NumberSetting kNumbers[] = {
     "gain on the position error" },
   { "pd/damping", "Ns/m", [](AssistanceSettings& s) -> double& { return s.pd_damping; }, 0.0, 1e4, true,
     "gain on the velocity error" },
+  { "pd/turn_stiffness", "Nm/rad", [](AssistanceSettings& s) -> double& { return s.pd_turn_stiffness; }, 0.0, 1e4, true,
+    "gain on the error of an angle" },
+  { "pd/turn_damping", "Nms/rad", [](AssistanceSettings& s) -> double& { return s.pd_turn_damping; }, 0.0, 1e4, true,
+    "gain on the error of an angular rate" },
   { "pd/lookahead", "s", [](AssistanceSettings& s) -> double& { return s.pd_lookahead; }, 0.0, 1.0, true,
     "the reference is the prediction for so much later" },
 };
@@ -66,6 +70,7 @@ void requireValid(AssistanceSettings settings)
   if (dof < 1 || settings.damping.size() != dof)
     throw std::invalid_argument("AssistanceSettings: mass has " + std::to_string(dof) + " and damping " +
                                 std::to_string(settings.damping.size()) + " elements, expected the same number, 1..6");
+  phri_core::requireRange("AssistanceSettings: rotations", settings.rotations, 0, static_cast<double>(dof), "");
   for (Eigen::Index i = 0; i < dof; ++i)
   {
     phri_core::requireRange("AssistanceSettings: mass", settings.mass(i), 1e-3, 1e4, "kg, kgm2");

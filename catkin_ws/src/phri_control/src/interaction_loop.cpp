@@ -84,7 +84,7 @@ void InteractionLoop::takeRequests(const phri_core::InputGuard::Verdict& input, 
   if (requests & kStop)
     handle(LoopEvent::Stop);
   const bool cleared =
-      t - good_since_ >= kClearWait && admittance_.velocity().norm() < kClearSpeed && input.wrench.norm() < kClearForce;
+      t - good_since_ >= kClearWait && admittance_.velocity().norm() < kClearSpeed && input.force < kClearForce;
   if ((requests & kClear) && state_ == LoopState::Fault && cleared)
   {
     handle(LoopEvent::Clear);
@@ -130,7 +130,7 @@ VectorDof InteractionLoop::requestedAssistance(const VectorState& xi, double t)
 double InteractionLoop::authority(const phri_core::InputGuard::Verdict& input)
 {
   const phri_core::SafetySettings& safety = settings_.safety;
-  released_for_ = input.wrench.norm() < safety.release_force ? released_for_ + settings_.dt : 0.0;
+  released_for_ = input.force < safety.release_force ? released_for_ + settings_.dt : 0.0;
   const bool released = !safety.autonomous_completion && released_for_ >= safety.release_time;
   if (released && policy_)
     record_.limits |= phri_core::kLimitRelease;
@@ -158,7 +158,7 @@ phri_core::Command InteractionLoop::tick(const phri_core::Measurement& measureme
     ramp_.toward(newer->mass, newer->damping);
   if (ramp_.step(settings_.dt))
     admittance_.set(ramp_.mass(), ramp_.damping());
-  if (state_ == LoopState::Idle && bias_check_.update(input.wrench.norm(), settings_.dt))
+  if (state_ == LoopState::Idle && bias_check_.update(input.force, settings_.dt))
     record_.limits |= phri_core::kLimitBias;
   takeRequests(input, t);
   if (state_ != LoopState::Idle)

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "phri_core/check.hpp"
+
 namespace phri_core
 {
 namespace
@@ -78,12 +80,22 @@ ParameterTable parameterTable(SafetySettings& s)
       .number("limits/workspace", &s.workspace, "m", 0.001, 10.0, "half width of the workspace per axis")
       .number("limits/funnel", &s.funnel, "1/s", 1.0, 500.0,
               "outward speed allowed per distance to the workspace's edge")
+      .number("limits/rotation_length", &s.rotation_length, "m", 0.01, 10.0,
+              "an angle counts as the motion of a point so far away, a torque as a force there")
       .number("fault_damping", &s.fault_damping, "-", 1.0, 100.0, "factor on the damping in FAULT");
   return table;
 }
 
+VectorDof lengths(const SafetySettings& settings, Eigen::Index dof)
+{
+  requireRange("rotations", settings.rotations, 0, static_cast<double>(dof), "");
+  VectorDof result = VectorDof::Ones(dof);
+  result.tail(settings.rotations).setConstant(settings.rotation_length);
+  return result;
+}
+
 InputGuard::InputGuard(const SafetySettings& settings, Eigen::Index dof)
-  : settings_(settings), last_good_(VectorDof::Zero(dof))
+  : settings_(settings), lengths_(lengths(settings, dof)), last_good_(VectorDof::Zero(dof))
 {
 }
 
@@ -101,7 +113,7 @@ bool InputGuard::accept(const Measurement& m, std::int64_t now_ns) noexcept
     ++counters_.not_finite;
     return false;
   }
-  const double largest = m.human_wrench.cwiseAbs().maxCoeff();
+  const double largest = m.human_wrench.cwiseQuotient(lengths_).cwiseAbs().maxCoeff();
   if (largest > settings_.sensor_range)
   {
     ++counters_.out_of_range;
@@ -142,10 +154,11 @@ InputGuard::Verdict InputGuard::check(const Measurement& m, std::int64_t now_ns)
   const double weight =
       verdict.good ? 1.0 : std::max(0.0, 1.0 - (verdict.age - settings_.hold) / (ramp_end - settings_.hold));
   verdict.wrench = wrong_frame_ ? VectorDof::Zero(last_good_.size()) : VectorDof(last_good_ * std::min(1.0, weight));
-  const double norm = verdict.wrench.norm();
-  if (norm > settings_.wrench_max)
+  verdict.force = verdict.wrench.cwiseQuotient(lengths_).norm();
+  if (verdict.force > settings_.wrench_max)
   {
-    verdict.wrench *= settings_.wrench_max / norm;
+    verdict.wrench *= settings_.wrench_max / verdict.force;
+    verdict.force = settings_.wrench_max;
     verdict.clamped = true;
   }
   if (wrong_frame_)
@@ -159,6 +172,7 @@ InputGuard::Verdict InputGuard::check(const Measurement& m, std::int64_t now_ns)
 
 AssistanceLimiter::AssistanceLimiter(const SafetySettings& settings, Eigen::Index dof, double dt)
   : settings_(settings),
+    lengths_(lengths(settings, dof)),
     dt_(dt),
     energy_(std::min(settings.tank_initial, settings.tank_max)),
     slewed_(VectorDof::Zero(dof))
@@ -177,15 +191,15 @@ VectorDof AssistanceLimiter::apply(const VectorDof& requested, const VectorDof& 
   VectorDof u = requested;
   if (!u.allFinite())
     u.setZero();
-  const double norm = u.norm();
+  const double norm = u.cwiseQuotient(lengths_).norm();
   if (norm > settings_.assistance_max)
   {
     u *= settings_.assistance_max / norm;
     limits |= kLimitForce;
   }
-  const double step = settings_.assistance_slew * dt_;
   for (Eigen::Index i = 0; i < u.size(); ++i)
   {
+    const double step = settings_.assistance_slew * lengths_(i) * dt_;
     // what the last tick already had of this sign is free; only the rest counts as growth
     const double free = u(i) * slewed_(i) > 0.0 ? std::min(std::abs(u(i)), std::abs(slewed_(i))) : 0.0;
     if (std::abs(u(i)) - free > step)
@@ -217,7 +231,10 @@ VectorDof AssistanceLimiter::apply(const VectorDof& requested, const VectorDof& 
   return u;
 }
 
-MotionLimiter::MotionLimiter(const SafetySettings& settings, Eigen::Index, double dt) : settings_(settings), dt_(dt) {}
+MotionLimiter::MotionLimiter(const SafetySettings& settings, Eigen::Index dof, double dt)
+  : settings_(settings), lengths_(lengths(settings, dof)), dt_(dt)
+{
+}
 
 void MotionLimiter::reset() noexcept
 {
@@ -233,11 +250,11 @@ void MotionLimiter::apply(const VectorDof& x_before, const VectorDof& v_before, 
     x = x_before;
   }
   bool changed = false;
-  const double speed_before = v_before.norm();
+  const double speed_before = v_before.cwiseProduct(lengths_).norm();
   const VectorDof a = (v - v_before) / dt_;
-  const double magnitude = a.norm();
+  const double magnitude = a.cwiseProduct(lengths_).norm();
   double acceleration = 0.0;
-  if (v.norm() > speed_before)
+  if (v.cwiseProduct(lengths_).norm() > speed_before)
   {
     acceleration = magnitude;
     const double allowed = std::min(settings_.acceleration_max, last_acceleration_ + settings_.jerk_max * dt_);
@@ -250,14 +267,14 @@ void MotionLimiter::apply(const VectorDof& x_before, const VectorDof& v_before, 
     }
   }
   last_acceleration_ = acceleration;
-  const double speed = v.norm();
+  const double speed = v.cwiseProduct(lengths_).norm();
   if (speed > settings_.velocity_max)
   {
     v *= settings_.velocity_max / speed;
     changed = true;
     limits |= kLimitVelocity;
   }
-  for (Eigen::Index i = 0; i < v.size(); ++i)
+  for (Eigen::Index i = 0; i < v.size() - settings_.rotations; ++i)
   {
     const double room = settings_.workspace - std::copysign(1.0, v(i)) * x_before(i);
     const double allowed = settings_.funnel * std::max(0.0, room);

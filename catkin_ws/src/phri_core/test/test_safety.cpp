@@ -210,6 +210,55 @@ TEST(MotionLimiter, NeverWeakensBraking)
   EXPECT_GE(seen.size(), 4u) << "too few kinds of limits were met for this to prove anything";
 }
 
+TEST(SafetyLayer, AnAngleCountsAsAPointAtItsReferenceLength)
+{
+  // the same motion and wrench, once turned into an angle by the length: the limits must leave the same of it
+  constexpr double kLength = 0.4, kExact = 1e-12;
+  SafetySettings flat, turning;
+  turning.rotations = 1;
+  turning.rotation_length = kLength;
+  const auto turned = [](VectorDof v, double factor) {
+    v(1) *= factor;
+    return v;
+  };
+  AssistanceLimiter force(flat, 2, kDt), torque(turning, 2, kDt);
+  MotionLimiter speed(flat, 2, kDt), rate(turning, 2, kDt);
+  InputGuard push(flat, 2), twist(turning, 2);
+  Random random(3);
+  VectorDof v_before = planar(0, 0), x_before = planar(0, 0);
+  std::uint32_t flat_limits = 0, turning_limits = 0;
+  for (int k = 0; k < 2000; ++k)
+  {
+    const VectorDof u = planar(60 * random.normal(), 60 * random.normal()), d = planar(90, 90);
+    VectorDof v = v_before + planar(0.02 * random.normal(), 0.02 * random.normal()), x = x_before + kDt * v;
+    VectorDof v_turning = turned(v, 1 / kLength), x_turning = turned(x, 1 / kLength);
+    const VectorDof a = force.apply(u, v, d, flat_limits);
+    const VectorDof b = torque.apply(turned(u, kLength), v_turning, turned(d, kLength * kLength), turning_limits);
+    ASSERT_LT((a - turned(b, 1 / kLength)).norm(), kExact * 60) << k;
+    if (std::abs(x(1)) > 0.1)  // an angle has no workspace
+      x(1) = v(1) = x_turning(1) = v_turning(1) = x_before(1) = 0;
+    speed.apply(x_before, v_before, x, v, flat_limits);
+    rate.apply(turned(x_before, 1 / kLength), turned(v_before, 1 / kLength), x_turning, v_turning, turning_limits);
+    ASSERT_LT((v - turned(v_turning, kLength)).norm(), kExact) << k;
+    ASSERT_LT((x - turned(x_turning, kLength)).norm(), kExact) << k;
+    const auto one = push.check(sample(k, u), k * kTick), other = twist.check(sample(k, turned(u, kLength)), k * kTick);
+    ASSERT_NEAR(one.force, other.force, kExact * 140);
+    ASSERT_EQ(one.clamped, other.clamped);
+    v_before = 0.99 * v;
+    x_before = x;
+  }
+  EXPECT_EQ(flat_limits, turning_limits);
+  EXPECT_TRUE(flat_limits & kLimitForce);
+  EXPECT_TRUE(flat_limits & kLimitAcceleration);
+
+  VectorDof far = planar(0, 50), fast = planar(0, 0.1);  // eight turns: no edge
+  std::uint32_t limits = 0;
+  MotionLimiter(turning, 2, kDt).apply(planar(0, 50), planar(0, 0.1), far, fast, limits);
+  EXPECT_EQ(limits, 0u);
+  turning.rotations = 3;
+  EXPECT_THROW(InputGuard(turning, 2), std::invalid_argument);
+}
+
 TEST(SafetyLayer, AllocatesNothing)
 {
   if (!phri_core::testing::kCountsAllocations)

@@ -4,6 +4,7 @@
 import os
 import queue
 import threading
+from dataclasses import dataclass
 
 import numpy as np
 import phri_core
@@ -14,8 +15,23 @@ from visualization_msgs.msg import Marker, MarkerArray
 COLOURS = ((0.0, 0.45, 0.7), (0.84, 0.37, 0.0), (0.0, 0.62, 0.45), (0.8, 0.47, 0.65), (0.9, 0.62, 0.0),
            (0.34, 0.71, 0.91))  # of the primitives, Okabe and Ito
 NICE = 10  # of the thread that learns: predictions and ticks go first
-LIST = -0.118, 0.132  # [m] upper middle of the tree, left of the scene
-LINE = 0.009  # [m] from line to line of it
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the tree is drawn, and how large [m]."""
+
+    list_at: tuple  # upper middle of the tree, left of the scene
+    count_at: tuple  # of the number of segments, below the scene
+    line: float  # from line to line
+    text: float  # height of a letter
+    label: float  # of the numbers at the primitives
+    stroke: float  # width of their paths
+    height: float  # of the paths above the plane
+
+
+LAYOUTS = {"maze": Layout((-0.118, 0.132), (0.0, -0.148), 0.009, 0.0065, 0.008, 0.0016, 0.004),
+           "odom": Layout((-1.6, 9.5), (-1.6, 9.9), 0.28, 0.2, 0.2, 0.03, 0.03)}
 
 
 class Emerging:
@@ -30,11 +46,11 @@ class Emerging:
         self.changed, self.failed, self.segments, self.fresh = changed, failed, None, None
         if learner:
             self.partner.adopt(learner.snapshot)
-        period = round(settings["dt"] * 1e9)  # [ns]
+        period, dof = round(settings["dt"] * 1e9), options.dof  # [ns]
         for samples in demonstrations:  # as they came
             self.reset()
             for index, row in enumerate(samples):
-                self.observe(phri_core.Observation(index * period * 1e-9, row[:4], row[4:], np.zeros(2)))
+                self.observe(phri_core.Observation(index * period * 1e-9, row[:2 * dof], row[2 * dof:], np.zeros(dof)))
                 self.study()
         changed(self.learner.snapshot)
         if settings["threaded"]:
@@ -85,17 +101,19 @@ def emerging_options(settings):
     for name in ("horizon", "reference", "time", "recognition", "states", "window", "members", "cutoff",
                  "window_states"):
         setattr(options, name, settings[name])
-    options.dt = settings["learning_dt"]
+    options.dof, options.dt = settings.get("dof", options.dof), settings["learning_dt"]
     cuts = options.segmentation
     cuts.window, cuts.switch_cost, cuts.lag = settings["segment_window"], settings["switch_cost"], settings["lag"]
+    if settings.get("scale"):
+        cuts.scale = np.array(settings["scale"].split(), float)
     options.segmentation = cuts
     return options
 
 
-def tree(known):
+def tree(known, frame="maze"):
     """What is known as markers: the mean path of every primitive with its number over the scene, the branches of the
     tree left of it in the same colours, a line per node; how much was seen at all below the scene."""
-    markers = [Marker(action=Marker.DELETEALL)]
+    markers, layout = [Marker(action=Marker.DELETEALL)], LAYOUTS[frame]
 
     def marker(name, kind, index, colour, size):
         m = Marker(ns=name, id=index, type=kind)
@@ -111,23 +129,23 @@ def tree(known):
         return "\n".join([text, *(branch(child, depth + 1) for child in entry.children)])
 
     library = known.library
-    root = marker("primitives", Marker.TEXT_VIEW_FACING, 0, (0.2, 0.2, 0.2), 0.0075)
-    root.pose.position = Point(0.0, -0.148, 0.02)
+    root = marker("primitives", Marker.TEXT_VIEW_FACING, 0, (0.2, 0.2, 0.2), layout.label)
+    root.pose.position = Point(*layout.count_at, 5 * layout.height)
     root.text = f"{library.node(0).count} segments seen"
-    top = LIST[1]
+    top = layout.list_at[1]
     for index, node in enumerate(library.upper_nodes):
         colour = COLOURS[index % len(COLOURS)]
         places = library.node(node).output[:, :2]
-        path = marker("primitive paths", Marker.LINE_STRIP, index, colour, 0.0016)
-        path.points = [Point(x, y, 0.004) for x, y in places]
-        label = marker("primitives", Marker.TEXT_VIEW_FACING, index + 1, (0.2, 0.2, 0.2), 0.008)
-        label.pose.position = Point(*places[len(places) // 2], 0.02)
+        path = marker("primitive paths", Marker.LINE_STRIP, index, colour, layout.stroke)
+        path.points = [Point(x, y, layout.height) for x, y in places]
+        label = marker("primitives", Marker.TEXT_VIEW_FACING, index + 1, (0.2, 0.2, 0.2), layout.label)
+        label.pose.position = Point(*places[len(places) // 2], 5 * layout.height)
         label.text = str(node)
-        entry = marker("primitive tree", Marker.TEXT_VIEW_FACING, index, colour, 0.0065)
+        entry = marker("primitive tree", Marker.TEXT_VIEW_FACING, index, colour, layout.text)
         entry.text = branch(node, 0)
-        height = LINE * (entry.text.count("\n") + 1)
-        entry.pose.position = Point(LIST[0], top - 0.5 * height, 0.02)
+        height = layout.line * (entry.text.count("\n") + 1)
+        entry.pose.position = Point(layout.list_at[0], top - 0.5 * height, 5 * layout.height)
         top -= height
     for m in markers:
-        m.header.frame_id = "maze"
+        m.header.frame_id = frame
     return MarkerArray(markers=markers)

@@ -3,7 +3,7 @@
 time_hmm), or movement primitives, found and learned while they are made (kind emerging).
 
 Subscribes `observation` (phri_msgs/Observation) and `trial` (phri_msgs/Trial). A trial that was seen from its first
-observation to its last is a demonstration [x; xdot; u_h], (T, 6). Publishes `prediction/time_hmm` for every
+observation to its last is a demonstration [x; xdot; u_h], (T, 3 dof). Publishes `prediction/time_hmm` for every
 observation while a model is loaded, with the observation's stamp; empty while the model cannot tell.
 
 Kind emerging learns after every observation, within the callback, or with `threaded` (real time) in a thread of its own
@@ -57,6 +57,8 @@ SCHEMA = {  # key: (default, lowest, highest, meaning)
     "window": (30, 1, 1000, "[samples] that recognition looks back"),
     "horizon": (0.2, 0.02, 5.0, "[s] of the predictions"),
     "dt": (0.02, 0.005, 0.1, "[s] between observations, and step of the predictions"),
+    "dof": (2, 1, 6, "of the task: coordinates of the object"),
+    "frame": ("maze", None, None, "maze or odom: what the observations are expressed in"),
     "learning_dt": (0.05, 0.005, 1.0, "[s] emerging: between the samples learned from"),
     "members": (3, 2, 100, "emerging: segments that make a primitive"),
     "cutoff": (0.6, 0.01, 0.99, "emerging: K_cut of the clustering"),
@@ -64,11 +66,12 @@ SCHEMA = {  # key: (default, lowest, highest, meaning)
     "segment_window": (24, 2, 1000, "[samples] emerging: W of the segmentation"),
     "switch_cost": (9.5, 1e-3, 1e6, "emerging: C of the segmentation"),
     "lag": (35, 1, 1000, "[samples] emerging: a boundary rests before it is final"),
+    "scale": ("", None, None, "emerging: size of each coordinate of [x; xdot] for the segmentation, a text of numbers"),
     "threaded": (False, None, None, "emerging: learn in a thread of its own, for real time"),
     "model_path": ("", None, None, "model file: loaded at the start if it exists; of ~save and ~load"),
     "store": ("", None, None, "file that keeps the block's demonstrations; empty: none"),
 }
-CHOICES = {"kind": ("time_hmm", "emerging"), "reference": ("path", "displacement"),
+CHOICES = {"frame": ("maze", "odom"), "kind": ("time_hmm", "emerging"), "reference": ("path", "displacement"),
            "time": ("thesis", "entry_corrected", "regressed"), "recognition": ("position", "motion", "all")}
 
 
@@ -121,8 +124,9 @@ class Learner:
         return self.settings["kind"] == "emerging"
 
     def emerge(self, demonstrations, learner=None):
-        return Emerging(self.settings, demonstrations, lambda known: self.primitives.publish(tree(known)), self.fail,
-                        learner)
+        frame = self.settings["frame"]
+        return Emerging(self.settings, demonstrations, lambda known: self.primitives.publish(tree(known, frame)),
+                        self.fail, learner)
 
     def read_model(self):
         path = self.settings["model_path"]
@@ -134,7 +138,7 @@ class Learner:
             self.model = self.emerge([], learner)
 
     def use(self, hmm):
-        names = ("window", "reference", "time", "recognition", "adapt_pace")
+        names = ("dof", "window", "reference", "time", "recognition", "adapt_pace")
         model = phri_learning.TimeHmmModel(hmm, **{name: self.settings[name] for name in names})
         with self.lock:
             self.hmm, self.model = hmm, model

@@ -14,7 +14,7 @@ namespace phri_learning
 namespace
 {
 constexpr double kSizeChange = 0.1;
-constexpr double kResolution = 1e-9;  // [m, m/s, N] what moves less stands still
+constexpr double kResolution = 1e-9;         // [m, m/s, N] what moves less stands still
 constexpr double kLongestOutput = 100000.0;  // [samples]
 
 double scaled(CutRule rule, double distance)
@@ -223,7 +223,8 @@ std::shared_ptr<const TimeHmm> PrimitiveLibrary::compared(const EncodedModel& mo
 void PrimitiveLibrary::updateSize()
 {
   const Eigen::VectorXd mean = sum_ / samples_;
-  const Eigen::VectorXd size = (squares_.array() / samples_ - mean.array().square()).max(kResolution * kResolution).sqrt();
+  const Eigen::VectorXd size =
+      (squares_.array() / samples_ - mean.array().square()).max(kResolution * kResolution).sqrt();
   if (size_.size() == size.size() && ((size - size_).array().abs() <= kSizeChange * size_.array()).all())
     return;
   size_ = size;

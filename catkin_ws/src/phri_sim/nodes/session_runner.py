@@ -67,6 +67,7 @@ class Session:
         self.settings, self.overrides = settings, overrides
         self.folder = pathlib.Path(settings["bag_dir"] or ".").resolve()
         self.experiment = phri_sim.Experiment(settings["experiment"], overrides)
+        self.configuration = yaml.safe_load(pathlib.Path(self.experiment.path).read_text())
         self.seed = self.experiment.seed if settings["seed"] < 0 else settings["seed"]
         plan = phri_sim.schedule(self.experiment, settings["participants"], settings["trials"], self.seed)
         self.blocks = [block for block in plan if settings["participant"] in (-1, block.participant)
@@ -201,9 +202,11 @@ class Session:
                       left % 60, spec.participant, response.controller, spec.trial, response.message)
         trial = {"participant": spec.participant, "controller": response.controller, "trial": spec.trial,
                  "changed": response.changed}
+        routes = self.overrides.get("routes") or self.configuration.get("routes")  # of a transport, one per trial
+        route = {"route": routes[(spec.trial - 1) % len(routes)]} if routes else {}
         if response.bag:
             self.bags.append({
-                "file": os.path.basename(response.bag), "sha256": checksum(response.bag), **trial,
+                "file": os.path.basename(response.bag), "sha256": checksum(response.bag), **trial, **route,
                 "evaluated": spec.evaluated and not response.changed, "completed": response.completed,
                 "duration": round(response.duration, 6)})
         with self.rated:
@@ -244,7 +247,7 @@ class Session:
                 "done": self.done, "repeated": self.repeated, "human": self.settings["human"],
                 "simulated_participants": self.settings["human"] in ("simulated", "replay"),
                 "git_revision": os.environ.get("PHRI_GIT_REVISION") or "unknown", "overrides": self.overrides,
-                "configuration": yaml.safe_load(pathlib.Path(self.experiment.path).read_text()), "bags": self.bags,
+                "configuration": self.configuration, "bags": self.bags,
                 "ratings": [{**dict(zip(self.ended, trial)), "rating": rating}
                             for trial, rating in self.ratings.items()],
             }, sort_keys=False))

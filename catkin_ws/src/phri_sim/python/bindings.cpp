@@ -4,6 +4,8 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "phri_sim/human_partner.hpp"
@@ -12,6 +14,11 @@
 
 namespace py = pybind11;
 using namespace phri_sim;
+
+void bindContactRun(py::module_& m, Parameters (*parameters)(const py::dict&));
+py::dict mapOf(const Scene& scene);
+void addTransportColumns(const TrialLog& log, int every, py::dict& columns);
+void addTransportAttributes(const Experiment& experiment, const TrialLog& log, py::dict& attrs);
 
 namespace
 {
@@ -56,36 +63,10 @@ void addPredictions(const TrialLog& log, py::dict& columns)
   }
 }
 
-/// The walls as a reader of the bag gets them from its OccupancyGrid, whose resolution is a float. Rows from the
-/// bottom, '#' where wall; text, for attributes of a table must compare and be written as JSON.
-py::dict mapOf(const Scene& scene)
-{
-  const GrayImage& image = scene.image;
-  std::vector<std::string> rows(image.height, std::string(image.width, '.'));
-  for (int row = 0; row < image.height; ++row)
-    for (int column = 0; column < image.width; ++column)
-      if ((255 - image.pixels[row * image.width + column]) / 255.0 > scene.occupied)
-        rows[image.height - 1 - row][column] = '#';
-  const double resolution = scene.walls.resolution();
-  py::dict map;
-  map["grid"] = rows;
-  map["resolution"] = double(float(resolution));
-  // the field has one pixel of wall around the picture
-  map["origin"] = std::vector<double>{ scene.walls.origin()(0) + resolution, scene.walls.origin()(1) + resolution };
-  return map;
-}
-
 py::dict attributes(const Experiment& experiment, const TrialLog& log)
 {
-  const Scene& scene = *experiment.scene;
   py::dict attrs;
   attrs["experiment"] = experiment.name;
-  attrs["scene"] = scene.name;
-  attrs["map"] = mapOf(scene);
-  attrs["start"] = std::vector<double>{ scene.start(0), scene.start(1) };
-  attrs["goal"] = std::vector<double>{ scene.goal(0), scene.goal(1) };
-  if (std::isfinite(scene.turning_x))
-    attrs["turning_point_x"] = scene.turning_x;
   attrs["participant"] = log.spec.participant;
   attrs["controller"] = log.spec.controller;
   attrs["trial"] = log.spec.trial;
@@ -95,6 +76,24 @@ py::dict attributes(const Experiment& experiment, const TrialLog& log)
   attrs["completed"] = log.completed;
   attrs["failed_plans"] = log.failed_plans;
   attrs["simulated_participants"] = true;
+  if (!experiment.assistance_off.empty())
+    attrs["assistance_off"] = !experiment.assists(log.spec.trial);
+  if (log.primitives >= 0)
+  {
+    attrs["primitives"] = log.primitives;
+    attrs["predicted"] = log.plans > 0 ? double(log.predictions.size()) / log.plans : 0.0;
+  }
+  if (experiment.lab)
+    addTransportAttributes(experiment, log, attrs);
+  if (!experiment.scene)
+    return attrs;
+  const Scene& scene = *experiment.scene;
+  attrs["scene"] = scene.name;
+  attrs["map"] = mapOf(scene);
+  attrs["start"] = std::vector<double>{ scene.start(0), scene.start(1) };
+  attrs["goal"] = std::vector<double>{ scene.goal(0), scene.goal(1) };
+  if (std::isfinite(scene.turning_x))
+    attrs["turning_point_x"] = scene.turning_x;
   if (!scene.path.empty())
   {
     py::list path;
@@ -102,13 +101,6 @@ py::dict attributes(const Experiment& experiment, const TrialLog& log)
       path.append(std::vector<double>{ x(0), x(1) });
     attrs["path"] = path;
     attrs["pace"] = experiment.pace;
-  }
-  if (!experiment.assistance_off.empty())
-    attrs["assistance_off"] = !experiment.assists(log.spec.trial);
-  if (log.primitives >= 0)
-  {
-    attrs["primitives"] = log.primitives;
-    attrs["predicted"] = log.plans > 0 ? double(log.predictions.size()) / log.plans : 0.0;
   }
   py::list obstacles;
   for (const MovingObstacle& obstacle : scene.obstacles)
@@ -136,9 +128,11 @@ py::object table(const Experiment& experiment, const TrialLog& log)
     { "assistance_", &Record::assistance_wrench },
     { "requested_", &Record::requested_wrench },
   };
+  static const std::array<std::string, 3> axes = { "x", "y", "yaw" };
+  const int dof = log.ticks.empty() ? 2 : std::min<int>(3, int(log.ticks.front().position.size()));
   for (const auto& [prefix, field] : vectors)
-    for (int axis = 0; axis < 2; ++axis)
-      columns[py::str(prefix + std::string(axis ? "y" : "x"))] =
+    for (int axis = 0; axis < dof; ++axis)
+      columns[py::str(prefix + axes[std::size_t(axis)])] =
           column<double>(log, [field = field, axis](const Record& r) { return (r.*field)(axis); });
   columns["state"] = column<std::int64_t>(log, [](const Record& r) { return std::int64_t(r.state); });
   columns["fault"] = column<std::int64_t>(log, [](const Record& r) { return std::int64_t(r.fault); });
@@ -146,6 +140,7 @@ py::object table(const Experiment& experiment, const TrialLog& log)
   columns["tank"] = column<double>(log, [](const Record& r) { return r.tank; });
   columns["passivity"] = column<double>(log, [](const Record& r) { return r.passivity; });
   addPredictions(log, columns);
+  addTransportColumns(log, experiment.replanTicks(), columns);
   py::object frame = py::module_::import("pandas").attr("DataFrame")(columns);
   frame.attr("attrs") = attributes(experiment, log);
   return frame;
@@ -320,12 +315,25 @@ PYBIND11_MODULE(phri_sim, m)
           "learns_on", [](const Experiment& e) { return e.model.emerging(); },
           "Whether the model learns during the trials, not between them.")
       .def_property_readonly(
-          "traits", [](const Experiment& e) { return e.population.traits; },
+          "traits",
+          [](const Experiment& e) {
+            if (e.planar())
+              return e.population.traits;
+            std::vector<Trait> traits;
+            for (const CarryingTrait& t : e.carriers.traits)
+              traits.push_back({ nullptr, t.key, t.unit, t.shape, t.median, t.spread, t.low, t.high, t.help });
+            return traits;
+          },
           "Distributions of the population: [Trait].")
       .def("person",
            [](const Experiment& e, std::uint64_t seed, int index) { return e.population.person(seed, index); })
       .def(
-          "route", [](const Experiment& e, double clearance) { return planRoute(*e.scene, clearance).points; },
+          "route",
+          [](const Experiment& e, double clearance) {
+            if (!e.scene)
+              throw py::value_error("experiment " + e.name + " is no maze: it has no route from start to goal");
+            return planRoute(*e.scene, clearance).points;
+          },
           py::arg("clearance") = 0.012, "Comfortable way from start to goal, list of (2,) [m].");
 
   py::class_<TrialSpec>(m, "TrialSpec")
@@ -383,5 +391,6 @@ PYBIND11_MODULE(phri_sim, m)
       },
       py::arg("table"), py::arg("every") = 20, "Samples [x; xdot; u_h] (T, 6) of a trial table, every 20 ms.");
   addScene(m);
+  bindContactRun(m, &parameters);
   m.def("parameter_reference", &parameterReference, "Every parameter of every configuration file, as Markdown.");
 }

@@ -12,6 +12,8 @@
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 
+#include <limits>
+#include <sstream>
 #include <system_error>
 
 #include "instance_lock.hpp"
@@ -136,6 +138,8 @@ void handModelSettings(const phri_sim::NodeSetup& setup)
   learner.setParam("window", model.window);
   learner.setParam("horizon", model.horizon);
   learner.setParam("dt", model.dt);
+  learner.setParam("dof", model.dof);
+  learner.setParam("frame", phri_sim::loopFrame(*setup.experiment).motion);
   const phri_learning::EmergingOptions& learning = model.learning;
   learner.setParam("kind", model.kind);
   learner.setParam("learning_dt", learning.dt);
@@ -145,6 +149,11 @@ void handModelSettings(const phri_sim::NodeSetup& setup)
   learner.setParam("segment_window", learning.segmentation.window);
   learner.setParam("switch_cost", learning.segmentation.switch_cost);
   learner.setParam("lag", learning.segmentation.lag);
+  std::ostringstream scale;  // node_parameters knows no lists
+  scale.precision(std::numeric_limits<double>::max_digits10);
+  for (const double size : learning.segmentation.scale)
+    scale << size << ' ';
+  learner.setParam("scale", scale.str());
   learner.setParam("threaded", setup.settings.realtime());
 }
 

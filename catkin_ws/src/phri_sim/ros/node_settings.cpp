@@ -1,5 +1,7 @@
 #include "node_settings.hpp"
 
+#include "stage_view.hpp"
+
 namespace phri_sim
 {
 namespace
@@ -113,6 +115,13 @@ NodeSetup loadSetup(const XmlRpcValue& private_parameters, const std::string& wh
   try
   {
     setup.experiment = std::make_shared<const Experiment>(loadExperiment(setup.settings.experiment, setup.overrides));
+    if (!hasView(*setup.experiment))
+      errors.push_back("experiment = \"" + setup.settings.experiment + "\": task " + setup.experiment->task +
+                       " has no live view; run it without ROS (phri-analysis)");
+    if (!setup.experiment->planar() && setup.settings.human != "simulated")
+      errors.push_back("human = \"" + setup.settings.human +
+                       "\": expected \"simulated\" in a task other than planar (" + setup.settings.experiment + " is " +
+                       setup.experiment->task + ')');
   }
   catch (const phri_core::ParameterError& error)
   {

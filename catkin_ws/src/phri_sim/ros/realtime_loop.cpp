@@ -51,7 +51,7 @@ std::string LatenessHistogram::text() const
   return out + part;
 }
 
-RealtimeLoop::RealtimeLoop(Trial& trial) : trial_(trial), ring_(kRecords)
+RealtimeLoop::RealtimeLoop(Trial& trial) : trial_(trial), sampler_(trial.stage(), trial.experiment()), ring_(kRecords)
 {
   thread_ = std::thread(&RealtimeLoop::run, this);
 }
@@ -68,6 +68,16 @@ void RealtimeLoop::stop()
     thread_.join();
 }
 
+bool RealtimeLoop::pop(phri_control::TickRecord& record, StageSample* sample)
+{
+  if (!ring_.pop(out_))
+    return false;
+  record = out_.record;
+  if (sample)
+    *sample = out_.sample;
+  return true;
+}
+
 void RealtimeLoop::run() noexcept
 {
   const bool locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
@@ -76,6 +86,7 @@ void RealtimeLoop::run() noexcept
   refused_ = locked ? (scheduled ? "" : "SCHED_FIFO") : (scheduled ? "mlockall" : "mlockall and SCHED_FIFO");
 
   const std::int64_t period = std::llround(trial_.experiment().loop.dt * 1e9);
+  Tick tick;
   std::int64_t deadline = monotonicNs() + period;
   while (!stop_ && !trial_.finished())
   {
@@ -88,8 +99,11 @@ void RealtimeLoop::run() noexcept
       deadline += late;
     }
     deadline += period;
+    sampler_.before(tick.sample);
     trial_.step(late * 1e-9);
-    if (!ring_.push(trial_.record()))
+    sampler_.after(tick.sample);
+    tick.record = trial_.record();
+    if (!ring_.push(tick))
       lateness_.dropped.fetch_add(1, std::memory_order_relaxed);
     if (trial_.planDue())
       due_.post(trial_.record());

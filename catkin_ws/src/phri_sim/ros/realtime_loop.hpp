@@ -8,6 +8,7 @@
 
 #include "phri_core/mailbox.hpp"
 #include "phri_sim/trial.hpp"
+#include "stage_sample.hpp"
 
 namespace phri_sim
 {
@@ -66,8 +67,8 @@ public:
   ~RealtimeLoop();
   void stop();
 
-  /// For one reader thread: the next record, in order.
-  bool pop(phri_control::TickRecord& record) { return ring_.pop(record); }
+  /// For one reader thread: the next record, in order, and what the stage looked like then.
+  bool pop(phri_control::TickRecord& record, StageSample* sample = nullptr);
   /// For one planner thread: the newest record after which a plan was due, if there is a new one.
   const phri_control::TickRecord* newestDue() { return due_.take(); }
   bool running() const { return running_; }
@@ -76,10 +77,17 @@ public:
   const char* refused() const { return refused_; }
 
 private:
+  struct Tick
+  {
+    phri_control::TickRecord record;
+    StageSample sample;
+  };
   void run() noexcept;
 
   Trial& trial_;
-  SpscRing<phri_control::TickRecord> ring_;
+  StageSampler sampler_;
+  SpscRing<Tick> ring_;
+  Tick out_;  // the reader's
   phri_core::Mailbox<phri_control::TickRecord> due_;
   LatenessHistogram lateness_;
   std::atomic<bool> running_{ true }, stop_{ false };

@@ -17,20 +17,28 @@ include_directories(SYSTEM ${catkin_INCLUDE_DIRS} ${ros_include_dirs})
 # everything of the node but its main, for the node and for tests
 add_library(phri_sim_ros STATIC
   ros/bag_digest.cpp
+  ros/carrying_markers.cpp
   ros/hand_source.cpp
   ros/instance_lock.cpp
   ros/joy_hand.cpp
+  ros/lab_markers.cpp
   ros/live_view.cpp
   ros/marker_hand.cpp
+  ros/marker_shapes.cpp
   ros/markers.cpp
   ros/metadata.cpp
   ros/node_settings.cpp
   ros/operator_text.cpp
+  ros/planar_view.cpp
   ros/prediction_inbox.cpp
   ros/realtime_loop.cpp
   ros/recorder.cpp
   ros/replay_hand.cpp
+  ros/robot_messages.cpp
+  ros/robot_view.cpp
   ros/spring_source.cpp
+  ros/stage_sample.cpp
+  ros/stage_view.cpp
   ros/topic_hand.cpp
   ros/trial_host.cpp
   ros/trial_host_operator.cpp
@@ -49,13 +57,15 @@ catkin_install_python(PROGRAMS nodes/drag_marker.py nodes/joy_node.py nodes/sess
 if(CATKIN_ENABLE_TESTING)
   find_package(roslaunch REQUIRED)
   roslaunch_add_file_check(launch)
-  add_executable(rostest_hands EXCLUDE_FROM_ALL test/rostest_hands.cpp)
-  add_dependencies(tests rostest_hands)
-  target_link_libraries(rostest_hands gtest)
+  foreach(test rostest_hands rostest_transport)
+    add_executable(${test} EXCLUDE_FROM_ALL test/${test}.cpp)
+    add_dependencies(tests ${test})
+    target_link_libraries(${test} gtest)
+  endforeach()
   # what the fault tests of the analysis kill and starve of disk
   add_executable(recorder_test_driver EXCLUDE_FROM_ALL test/recorder_driver.cpp)
   add_dependencies(tests recorder_test_driver)
-  foreach(target rostest_hands recorder_test_driver ${PROJECT_NAME}_test_realtime_loop ${PROJECT_NAME}_test_recorder
+  foreach(target rostest_hands rostest_transport recorder_test_driver ${PROJECT_NAME}_test_realtime_loop ${PROJECT_NAME}_test_recorder
       ${PROJECT_NAME}_test_replay_hand)
     add_dependencies(${target} ${ros_targets})
     target_link_libraries(${target} phri_sim_ros)

@@ -28,7 +28,7 @@ double secondsSince(SteadyClock::time_point start)
 
 TrialHost::TrialHost(ros::NodeHandle& node, ros::NodeHandle& private_node, const NodeSetup& setup)
   : setup_(setup),
-    names_(node, private_node),
+    names_(node, private_node, loopFrame(*setup.experiment)),
     live_(node, private_node, setup.experiment, ros::Time().fromNSec(kSessionStart)),
     inbox_(node, names_.prediction),
     observations_(node.advertise<phri_msgs::Observation>("observation", kObservationQueue)),
@@ -151,8 +151,7 @@ void TrialHost::conduct(const phri_msgs::RunTrialRequest& request, TrialSpec spe
         request.bag_dir, (request.bag_prefix.empty() ? setup.experiment->name : request.bag_prefix) + "_p" +
                              std::to_string(spec.participant) + "_" + spec.controller + "_t" +
                              std::to_string(spec.trial));
-  TrialOutput output(live_, names_, std::move(recorder), spec, *setup.experiment->scene, trial.obstacles(),
-                     sessionTime());
+  TrialOutput output(live_, names_, std::move(recorder), spec, trial.stage(), sessionTime());
   Run run{ trial, output, bool(request.use_model) };
   output.metadata(metadata(setup, spec, false, 0, {}), output.stamp(0));
   announce(spec, phri_msgs::Trial::STARTED, false, 0);
@@ -198,16 +197,16 @@ void TrialHost::observe(Run& run, const phri_core::Observation& observation, std
 {
   phri_msgs::Observation message = phri_msgs::toMessage(observation);
   message.header.stamp = run.output.stamp(time_ns);
-  message.header.frame_id = kFrame;
+  message.header.frame_id = live_.frame().motion;
   observations_.publish(message);
   ++run.observations;
   run.output.observed(message);
 }
 
-void TrialHost::tick(Run& run, const phri_control::TickRecord& record)
+void TrialHost::tick(Run& run, const phri_control::TickRecord& record, const StageSample& sample)
 {
   run.failed_plans = unsigned(run.trial.failedPlans());
-  run.output.tick(record, run.failed_plans);
+  run.output.tick(record, sample, run.failed_plans);
   if (++run.ticks % 10 != 0)
     return;
   run.output.controllerIs(run.trial.planner().controller());
@@ -225,11 +224,15 @@ void TrialHost::lockstep(Run& run)
 {
   const auto give_up = [this] { return interrupted(); };
   Trial& trial = run.trial;
+  const StageSampler sampler(trial.stage(), trial.experiment());
+  StageSample sample;
   while (!trial.finished() && !interrupted())
   {
+    sampler.before(sample);
     trial.step();
+    sampler.after(sample);
     const std::int64_t now_ns = trial.record().time_ns;
-    tick(run, trial.record());
+    tick(run, trial.record(), sample);
     if (!trial.planDue())
       continue;
     if (setup_.settings.pace > 0.0)
@@ -256,7 +259,7 @@ void TrialHost::announce(const TrialSpec& spec, std::uint8_t phase, bool complet
 {
   phri_msgs::Trial message;
   message.header.stamp = sessionTime();
-  message.header.frame_id = kFrame;
+  message.header.frame_id = live_.frame().motion;
   message.participant = spec.participant;
   message.controller = spec.controller;
   message.trial = spec.trial;

@@ -104,7 +104,7 @@ private:
   void lockstep(Run& run);
   void realtime(Run& run);
   void observe(Run& run, const phri_core::Observation& observation, std::int64_t time_ns);
-  void tick(Run& run, const phri_control::TickRecord& record);
+  void tick(Run& run, const phri_control::TickRecord& record, const StageSample& sample);
   void show(const phri_control::TickRecord& record, const std::string& text, const ros::Time& stamp);
   void announce(const TrialSpec& spec, std::uint8_t phase, bool completed, std::uint32_t observations);
   NodeSetup inForce() const;

@@ -16,7 +16,8 @@ constexpr auto kShowPeriod = std::chrono::milliseconds(33);
 constexpr auto kWaitPeriod = std::chrono::milliseconds(20);
 const char* const kNothingRuns = "no trial is running";
 
-/// The object at rest at the start: what is to be seen while a hand is waited for.
+/// The object at rest at the start: what is to be seen while a hand is waited for. Hands are there for the planar
+/// device only.
 phri_control::TickRecord atStart(const Experiment& experiment)
 {
   phri_control::TickRecord record;
@@ -42,7 +43,8 @@ void TrialHost::waitForHand(const TrialSpec& spec)
   const phri_control::TickRecord record = atStart(*experiment);
   TickMessages messages;
   TrialMonitor monitor;
-  live_.begin(spec, {});
+  const StageSample nothing;
+  live_.begin(spec, nullptr);
   start_asked_ = false;
   waiting_ = true;
   while (!interrupted())
@@ -60,7 +62,7 @@ void TrialHost::waitForHand(const TrialSpec& spec)
       status_.record = record;
     }
     messages.fill(record, sessionTime());
-    live_.tick(record, messages, monitor, sessionTime());
+    live_.tick({ record, nothing, sessionTime() }, messages, monitor);
     show(record, monitor.message, sessionTime());
     std::this_thread::sleep_for(kWaitPeriod);
   }

@@ -65,10 +65,11 @@ void TrialHost::realtime(Run& run)
 
   const std::int64_t period_ns = std::llround(run.trial.experiment().model.dt * 1e9);
   phri_control::TickRecord record;
+  StageSample sample;
   const auto drain = [&] {
-    while (loop.pop(record))
+    while (loop.pop(record, &sample))
     {
-      tick(run, record);
+      tick(run, record, sample);
       if (record.time_ns % period_ns == 0)
         observe(run, observationOf(record), record.time_ns);
       if (run.use_model && (record.time_ns - answered_ns) * 1e-9 > kModelWait)

@@ -8,11 +8,22 @@ namespace phri_sim
 {
 namespace
 {
-void fillWrench(geometry_msgs::WrenchStamped& message, const phri_core::VectorDof& wrench, const ros::Time& stamp)
+constexpr int kForces = 3;  // elements of a 6-D wrench that are forces
+
+void fillWrench(geometry_msgs::WrenchStamped& message, const phri_core::VectorDof& wrench, const std::vector<int>& axes,
+                const ros::Time& stamp)
 {
   message.header.stamp = stamp;
-  message.wrench.force.x = wrench(0);
-  message.wrench.force.y = wrench(1);
+  geometry_msgs::Wrench& w = message.wrench;
+  double* const elements[] = { &w.force.x, &w.force.y, &w.force.z, &w.torque.x, &w.torque.y, &w.torque.z };
+  for (std::size_t i = 0; i < axes.size(); ++i)
+    *elements[axes[i]] = wrench(Eigen::Index(i));
+}
+
+/// The coordinates that are forces stand first.
+phri_core::VectorDof forceOf(const phri_core::VectorDof& wrench, const LoopFrame& frame)
+{
+  return wrench.head(std::count_if(frame.axes.begin(), frame.axes.end(), [](int axis) { return axis < kForces; }));
 }
 
 std::vector<std::string> namesOf(std::uint32_t limits)
@@ -26,14 +37,21 @@ std::vector<std::string> namesOf(std::uint32_t limits)
 }
 }  // namespace
 
-TickMessages::TickMessages()
+LoopFrame loopFrame(const Experiment& experiment)
 {
-  joints.name = { "handle_x", "handle_y" };
-  joints.position.resize(2);
-  joints.velocity.resize(2);
-  tick.header.frame_id = joints.header.frame_id = kFrame;
+  if (experiment.planar())
+    return {};
+  return { "odom", "grasp", { "object_x", "object_y", "object_yaw" }, "object_states", { 0, 1, 5 } };
+}
+
+TickMessages::TickMessages(const LoopFrame& frame) : axes_(frame.axes)
+{
+  joints.name = frame.joints;
+  joints.position.resize(frame.joints.size());
+  joints.velocity.resize(frame.joints.size());
+  tick.header.frame_id = joints.header.frame_id = frame.motion;
   for (auto* wrench : { &human, &environment, &assistance, &requested })
-    wrench->header.frame_id = kFrame;
+    wrench->header.frame_id = frame.wrench;
 }
 
 void TickMessages::fill(const phri_control::TickRecord& record, const ros::Time& stamp)
@@ -46,23 +64,25 @@ void TickMessages::fill(const phri_control::TickRecord& record, const ros::Time&
   tick.tank = record.tank;
   tick.passivity = record.passivity;
   tick.lateness = record.lateness;
-  for (int i = 0; i < 2; ++i)
+  for (std::size_t i = 0; i < axes_.size(); ++i)
   {
-    joints.position[i] = record.position(i);
-    joints.velocity[i] = record.velocity(i);
+    joints.position[i] = record.position(Eigen::Index(i));
+    joints.velocity[i] = record.velocity(Eigen::Index(i));
   }
-  fillWrench(human, record.human_wrench, stamp);
-  fillWrench(environment, record.environment_wrench, stamp);
-  fillWrench(assistance, record.assistance_wrench, stamp);
-  fillWrench(requested, record.requested_wrench, stamp);
+  fillWrench(human, record.human_wrench, axes_, stamp);
+  fillWrench(environment, record.environment_wrench, axes_, stamp);
+  fillWrench(assistance, record.assistance_wrench, axes_, stamp);
+  fillWrench(requested, record.requested_wrench, axes_, stamp);
 }
 
 phri_msgs::ControllerState controllerState(const phri_control::TickRecord& record, const TrialMonitor& monitor,
-                                           const ros::Time& stamp)
+                                           const ros::Time& stamp, const LoopFrame& frame)
 {
+  const phri_core::VectorDof human = forceOf(record.human_wrench, frame),
+                             assistance = forceOf(record.assistance_wrench, frame);
   phri_msgs::ControllerState message;
   message.header.stamp = stamp;
-  message.header.frame_id = kFrame;
+  message.header.frame_id = frame.motion;
   message.t = record.time_ns * 1e-9;
   message.state = phri_core::stateName(record.state);
   message.fault = static_cast<std::uint16_t>(record.fault);
@@ -77,12 +97,19 @@ phri_msgs::ControllerState controllerState(const phri_control::TickRecord& recor
   message.passivity = record.passivity;
   message.limits = monitor.limits;
   message.limit_names = namesOf(monitor.limits);
-  message.human_force = record.human_wrench.norm();
-  message.assistance_force = record.assistance_wrench.norm();
-  message.requested_force = record.requested_wrench.norm();
+  message.human_force = human.norm();
+  message.assistance_force = assistance.norm();
+  message.requested_force = forceOf(record.requested_wrench, frame).norm();
   if (message.human_force > 0.0)
-    message.disagreement = std::max(0.0, -record.human_wrench.dot(record.assistance_wrench) / message.human_force);
+    message.disagreement = std::max(0.0, -human.dot(assistance) / message.human_force);
   message.failed_plans = monitor.failed_plans;
+  return message;
+}
+
+tf2_msgs::TFMessage transforms(std::vector<geometry_msgs::TransformStamped> list)
+{
+  tf2_msgs::TFMessage message;
+  message.transforms = std::move(list);
   return message;
 }
 

@@ -2,33 +2,22 @@
 
 #include <rosgraph_msgs/Clock.h>
 #include <std_msgs/String.h>
-#include <tf2_msgs/TFMessage.h>
 
 namespace phri_sim
 {
 namespace
 {
-constexpr std::int64_t kMonitorPeriod = 10000000;    // [ns] of session time between states, and between clocks
-constexpr std::int64_t kTransformPeriod = 20000000;  // [ns]
-
-tf2_msgs::TFMessage one(const geometry_msgs::TransformStamped& transform)
-{
-  tf2_msgs::TFMessage message;
-  message.transforms.push_back(transform);
-  return message;
-}
+constexpr std::int64_t kMonitorPeriod = 10000000;  // [ns] of session time between states, and between clocks
 }  // namespace
 
 TrialOutput::TrialOutput(LiveView& live, const TopicNames& names, std::unique_ptr<Recorder> recorder,
-                         const TrialSpec& spec, const Scene& scene, const std::vector<MovingObstacle>& obstacles,
-                         const ros::Time& start)
-  : live_(live), names_(names), recorder_(std::move(recorder)), start_(start)
+                         const TrialSpec& spec, const Stage& stage, const ros::Time& start)
+  : live_(live), names_(names), recorder_(std::move(recorder)), start_(start), messages_(live.frame())
 {
   monitor_.controller = spec.controller;
-  live_.begin(spec, obstacles);
-  recordLatched("/tf_static", start, one(mazeTransform(start)));
+  live_.begin(spec, &stage);
   if (recorder_)
-    recordLatched(names.metadata.substr(0, names.metadata.rfind('/') + 1) + "map", start, occupancyGrid(scene, start));
+    live_.stage().recordFirst(*recorder_, start);
 }
 
 ros::Time TrialOutput::stamp(std::int64_t time_ns) const
@@ -38,13 +27,14 @@ ros::Time TrialOutput::stamp(std::int64_t time_ns) const
   return time;
 }
 
-void TrialOutput::tick(const phri_control::TickRecord& tick, unsigned failed_plans)
+void TrialOutput::tick(const phri_control::TickRecord& tick, const StageSample& sample, unsigned failed_plans)
 {
   const ros::Time now = stamp(tick.time_ns);
+  const Moment moment{ tick, sample, now };
   messages_.fill(tick, now);
   monitor_.limits |= tick.limits;
   monitor_.failed_plans = failed_plans;
-  live_.tick(tick, messages_, monitor_, now);
+  live_.tick(moment, messages_, monitor_);
   if (recorder_)
   {
     record(names_.tick, now, messages_.tick);
@@ -53,8 +43,7 @@ void TrialOutput::tick(const phri_control::TickRecord& tick, unsigned failed_pla
     record(names_.environment, now, messages_.environment);
     record(names_.assistance, now, messages_.assistance);
     record(names_.requested, now, messages_.requested);
-    if (tick.time_ns % kTransformPeriod == 0)
-      record("/tf", now, one(objectTransform(tick, now)));
+    live_.stage().record(*recorder_, moment);
   }
   if (tick.time_ns % kMonitorPeriod != 0)
     return;
@@ -63,7 +52,7 @@ void TrialOutput::tick(const phri_control::TickRecord& tick, unsigned failed_pla
     rosgraph_msgs::Clock clock;
     clock.clock = now;
     record("/clock", now, clock);
-    record(names_.state, now, controllerState(tick, monitor_, now));
+    record(names_.state, now, controllerState(tick, monitor_, now, live_.frame()));
   }
   monitor_.limits = 0;
 }

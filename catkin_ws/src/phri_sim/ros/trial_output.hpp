@@ -14,12 +14,11 @@ namespace phri_sim
 class TrialOutput
 {
 public:
-  /// `recorder` may be null. Trial time t has the session time `start` + t. The picture of `scene` goes into the bag
-  /// (latched, topic `map` beside the metadata): a report drawn elsewhere needs no file of this machine.
+  /// `recorder` may be null. Trial time t has the session time `start` + t.
   TrialOutput(LiveView& live, const TopicNames& names, std::unique_ptr<Recorder> recorder, const TrialSpec& spec,
-              const Scene& scene, const std::vector<MovingObstacle>& obstacles, const ros::Time& start);
+              const Stage& stage, const ros::Time& start);
 
-  void tick(const phri_control::TickRecord& record, unsigned failed_plans);
+  void tick(const phri_control::TickRecord& record, const StageSample& sample, unsigned failed_plans);
   /// The controller in force, for those who watch.
   void controllerIs(const std::string& name) { monitor_.controller = name; }
   void observed(const phri_msgs::Observation& message);

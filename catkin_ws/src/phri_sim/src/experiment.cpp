@@ -15,12 +15,15 @@ namespace
 struct ExperimentFile
 {
   std::string scene = "maze", robot = "haptic_2dof", safety = "haptic_2dof", participants = "simulated_adults";
+  std::vector<double> segmentation_scale;
 
   phri_core::ParameterTable table(Experiment& e)
   {
     phri_learning::EmergingOptions& l = e.model.learning;
     phri_core::ParameterTable t;
-    t.text("scene", &scene, {}, "file in config/scenes")
+    t.text("task", &e.task, { "planar", "transport" }, "object on a plane, or bumper carried by robot and person")
+        .text("scene", &scene, {}, "file in config/scenes")
+        .names("routes", &e.routes, {}, "transport: of the scene, one per trial, again from the first; none: all")
         .text("robot", &robot, {}, "file in config/robots")
         .text("safety", &safety, {}, "file in config/safety")
         .text("population", &participants, {}, "file in config/participants")
@@ -49,22 +52,36 @@ struct ExperimentFile
         .integer("model/learning/window_states", &l.window_states, "", 2, 1000, "of the window HMM, even")
         .integer("model/learning/segment_window", &l.segmentation.window, "samples", 2, 1000, "W of the segmentation")
         .number("model/learning/switch_cost", &l.segmentation.switch_cost, "-", 1e-3, 1e6, "C of the segmentation")
-        .integer("model/learning/lag", &l.segmentation.lag, "samples", 1, 1000, "a boundary rests before it is final");
+        .integer("model/learning/lag", &l.segmentation.lag, "samples", 1, 1000, "a boundary rests before it is final")
+        .list("model/learning/scale", &segmentation_scale, 0, "m, rad, m/s, rad/s", 1e-6, 1e6,
+              "what counts as a change, per coordinate and its rate; none: from the first samples");
     return t;
   }
 };
 
 struct RobotFile
 {
-  std::vector<double> mass{ 90.0, 90.0 }, damping{ 200.0, 200.0 };
+  explicit RobotFile(const std::string& task)
+    : planar(task == "planar"), mass(planar ? 2 : 3, 90.0), damping(mass.size(), 200.0)
+  {
+  }
+  bool planar;
+  std::vector<double> mass, damping;
 
   phri_core::ParameterTable table(Experiment& e)
   {
     phri_core::ParameterTable t;
-    t.list("admittance/mass", &mass, 2, "kg", 0.1, 500.0, "rendered mass per axis")
-        .list("admittance/damping", &damping, 2, "Ns/m", 0.0, 5000.0, "rendered damping per axis")
+    t.list("admittance/mass", &mass, mass.size(), planar ? "kg" : "kg, kgm2", 0.01, 500.0, "rendered mass per axis")
+        .list("admittance/damping", &damping, mass.size(), planar ? "Ns/m" : "Ns/m, Nms/rad", 0.0, 5000.0,
+              "rendered damping per axis")
         .number("loop/replan_blend", &e.loop.replan_blend, "s", 0.0, 0.2, "a newer plan replaces the older one within");
-    addParameters(t, e.sensors);
+    if (planar)
+      addParameters(t, e.sensors);
+    else
+    {
+      addParameters(t, e.robot);
+      addParameters(t, e.force_sensor);
+    }
     return t;
   }
 };
@@ -109,18 +126,23 @@ Experiment loadExperiment(const std::string& name_or_path, const Parameters& ove
       own[key] = value;
 
   ExperimentFile file;
-  RobotFile robot;
   std::vector<std::string> errors;
   const auto part = [&](const std::string& kind, const std::string& name, phri_core::ParameterTable table) {
     const std::string path = findConfiguration(kind, name);
     table.assign(path, merged(loadYaml(path), underPrefix(all, "override/" + kind)));
   };
   collect(errors, [&] { file.table(e).assign(e.path, own); });
+  RobotFile robot(e.task);
   collect(errors, [&] {
     phri_control::parameterTable(e.assistance).assign(e.path + " assistance", underPrefix(all, "assistance"));
   });
   std::optional<PictureError> picture;
   collect(errors, [&] {
+    if (!e.planar())
+    {
+      e.lab = std::make_shared<const Lab>(loadLab(file.scene));
+      return;
+    }
     try
     {
       e.scene = std::make_shared<const Scene>(loadScene(file.scene));
@@ -133,7 +155,8 @@ Experiment loadExperiment(const std::string& name_or_path, const Parameters& ove
   });
   collect(errors, [&] { part("robots", file.robot, robot.table(e)); });
   collect(errors, [&] { part("safety", file.safety, phri_core::parameterTable(e.loop.safety)); });
-  collect(errors, [&] { part("participants", file.participants, e.population.table()); });
+  collect(errors,
+          [&] { part("participants", file.participants, e.planar() ? e.population.table() : e.carriers.table()); });
   for (const auto& [key, value] : all)
     if (key.rfind("override/", 0) == 0 && key.rfind("override/robots/", 0) != 0 &&
         key.rfind("override/safety/", 0) != 0 && key.rfind("override/participants/", 0) != 0)
@@ -146,6 +169,17 @@ Experiment loadExperiment(const std::string& name_or_path, const Parameters& ove
                      std::to_string(e.loop.dt) + " s");
   if (e.pace > 0.0 && e.scene && e.scene->path.empty())
     errors.push_back(e.path + ": pace = " + std::to_string(e.pace) + " s: expected 0 in a scene without a path");
+  e.model.dof = e.planar() ? 2 : 3;
+  e.model.learning.segmentation.scale =
+      Eigen::Map<const Eigen::VectorXd>(file.segmentation_scale.data(), Eigen::Index(file.segmentation_scale.size()));
+  if (e.lab)
+  {
+    if (e.routes.empty())
+      for (const LabRoute& route : e.lab->routes)
+        e.routes.push_back(route.name);
+    for (const std::string& route : e.routes)
+      collect(errors, [&] { e.lab->route(route); });
+  }
   if (e.model.emerging())
     collect(errors, [&] { phri_learning::checkOptions(e.model.emergingOptions()); });
   if (picture && errors.size() == 1)
@@ -153,8 +187,9 @@ Experiment loadExperiment(const std::string& name_or_path, const Parameters& ove
   if (!errors.empty())
     throw phri_core::ParameterError(name_or_path, errors);
 
-  e.loop.mass = Eigen::Vector2d(robot.mass[0], robot.mass[1]);
-  e.loop.damping = Eigen::Vector2d(robot.damping[0], robot.damping[1]);
+  e.loop.mass = Eigen::Map<const Eigen::VectorXd>(robot.mass.data(), Eigen::Index(robot.mass.size()));
+  e.loop.damping = Eigen::Map<const Eigen::VectorXd>(robot.damping.data(), Eigen::Index(robot.damping.size()));
+  e.loop.safety.rotations = e.assistance.rotations = e.planar() ? 0 : 1;
   e.assistance.mass = e.loop.mass;
   e.assistance.damping = e.loop.damping;
   return e;
@@ -163,7 +198,7 @@ Experiment loadExperiment(const std::string& name_or_path, const Parameters& ove
 phri_learning::EmergingOptions ModelSettings::emergingOptions() const
 {
   phri_learning::EmergingOptions options = learning;
-  options.dof = 2;
+  options.dof = dof;
   options.horizon = horizon;
   options.reference = phri_learning::referenceNamed(reference);
   options.time = phri_learning::timeEstimateNamed(time);
@@ -177,7 +212,7 @@ std::string parameterReference()
 {
   Experiment e;
   ExperimentFile file;
-  RobotFile robot;
+  RobotFile robot("planar");
   return "## Experiment (`config/experiments`)\n\n" + file.table(e).markdown() + "\n### `assistance/`\n\n" +
          phri_control::parameterTable(e.assistance).markdown() + "\n## Robot (`config/robots`)\n\n" +
          robot.table(e).markdown() + "\n## Safety profile (`config/safety`)\n\n" +

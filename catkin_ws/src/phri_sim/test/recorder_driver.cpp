@@ -64,7 +64,7 @@ int run(const std::string& folder, double seconds, double pace, std::uint32_t ch
     record(recorder, "/phri/requested_wrench", now, messages);
     if (tick % 10 != 0)
       continue;
-    recorder.write("/phri/experiment_node/state", now, phri_sim::controllerState(trial.record(), {}, now));
+    recorder.write("/phri/experiment_node/state", now, phri_sim::controllerState(trial.record(), {}, now, {}));
     say("%lld\n", static_cast<long long>(now.toNSec()));
     if (pace > 0.0)
       std::this_thread::sleep_until(begin + std::chrono::microseconds(std::llround(1e3 * double(tick) / pace)));

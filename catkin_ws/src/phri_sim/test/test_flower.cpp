@@ -4,6 +4,7 @@
 #include <fstream>
 
 #include "phri_core/parameters.hpp"
+#include "phri_sim/route.hpp"
 #include "phri_sim/trial.hpp"
 #include "pictures.hpp"
 

@@ -43,8 +43,10 @@ protected:
 };
 
 /// The gate of 5.1.1: false if the position that `prediction` starts from is farther than `gate` [m] from the observed
-/// one, so that it is better ignored than followed. 0 or less: no gate.
-bool withinGate(const phri_core::Observation& observation, const phri_core::Prediction& prediction, double gate);
+/// one, so that it is better ignored than followed. 0 or less: no gate. The last `rotations` coordinates, angles, do
+/// not count.
+bool withinGate(const phri_core::Observation& observation, const phri_core::Prediction& prediction, double gate,
+                int rotations = 0);
 
 /// The controller `name` of the catalogue; its policies carry its index in assistanceNames() as source. Throws
 /// std::invalid_argument for an unknown name (listing the known ones) or a setting out of range.

@@ -35,6 +35,7 @@ private:
   std::string name_;
   AssistanceSettings settings_;
   double gate_;
+  int rotations_;
   std::shared_ptr<AssistanceController> controller_;
   int generation_ = 0, failures_ = 0;
 };

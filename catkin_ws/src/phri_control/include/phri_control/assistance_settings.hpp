@@ -20,6 +20,7 @@ struct AssistanceSettings
   /// them. Not in the table, so that they are given once. Their size is the number of degrees of freedom, 1..6.
   phri_core::VectorDof mass = Eigen::Vector2d::Constant(90.0);
   phri_core::VectorDof damping = Eigen::Vector2d::Constant(200.0);
+  int rotations = 0;  ///< the last so many coordinates are angles; given with the admittance, not in the table
 
   double dt = 1e-3;      ///< [s] period of a stage
   double horizon = 0.2;  ///< [s]
@@ -32,6 +33,8 @@ struct AssistanceSettings
   double covariance_floor = 1e-8;  ///< [m^2; m^2/s^2] added to the predicted covariance's diagonal
   double pd_stiffness = 200.0;     ///< [N/m]
   double pd_damping = 90.0;        ///< [Ns/m]
+  double pd_turn_stiffness = 0.0;  ///< [Nm/rad] of angles
+  double pd_turn_damping = 0.0;    ///< [Nms/rad]
   double pd_lookahead = 0.0;       ///< [s]
 };
 

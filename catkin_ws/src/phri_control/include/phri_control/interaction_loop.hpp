@@ -72,7 +72,7 @@ public:
   /// std::invalid_argument naming what is out of the range of phri_core::Admittance.
   void render(const phri_core::VectorDof& mass, const phri_core::VectorDof& damping);
 
-  /// Places the object at rest; before the first tick only.
+  /// Places the object at rest: before the first tick, or in IDLE from the thread that ticks.
   void place(const phri_core::VectorDof& position);
 
   const TickRecord& record() const { return record_; }

@@ -93,6 +93,11 @@ constexpr std::uint32_t kAssistanceLimits = kLimitForce | kLimitSlew | kLimitPow
 /// The safety profile; defaults are `haptic_2dof`. `parameterTable` holds keys, units and ranges.
 struct SafetySettings
 {
+  /// The last so many coordinates are angles. An angle counts as the motion of a point `rotation_length` [m] away:
+  /// every bound below in N, m/s or m/s^2 holds for the norm over all coordinates with angular rates times, torques
+  /// over it.
+  int rotations = 0;
+  double rotation_length = 0.5;        ///< [m]
   double sensor_range = 200.0;         ///< [N] per axis; beyond it a sample is rejected
   double hold = 0.005;                 ///< [s] the last good wrench is held, then ramps to 0
   double fault_age = 0.020;            ///< [s] without a good wrench: FAULT
@@ -113,11 +118,14 @@ struct SafetySettings
   double velocity_max = 1.0;           ///< [m/s]
   double acceleration_max = 5.0;       ///< [m/s^2] only while speeding up
   double jerk_max = 200.0;             ///< [m/s^3] only while speeding up
-  double workspace = 0.15;             ///< [m] half width, per axis
+  double workspace = 0.15;             ///< [m] half width, per axis; angles have none
   double funnel = 20.0;                ///< [1/s] outward speed per distance to the edge
   double fault_damping = 4.0;          ///< [-] factor on the damping in FAULT
 };
 ParameterTable parameterTable(SafetySettings& settings);
+
+/// Per coordinate what it moves at the reference: 1, or rotation_length for an angle.
+VectorDof lengths(const SafetySettings& settings, Eigen::Index dof);
 
 /// C1 ramp: 0 for x <= 0, 1 for x >= 1.
 constexpr double smoothStep(double x)
@@ -132,6 +140,7 @@ public:
   struct Verdict
   {
     VectorDof wrench;                   ///< [N] to be used; held, ramped or 0 when samples are missing
+    double force = 0.0;                 ///< [N] its norm, torques over rotation_length
     double age = 0.0;                   ///< [s] of the last good sample
     bool good = false;                  ///< a good sample not older than `hold`
     bool saturated = false;             ///< at the sensor's end for 3 samples or more
@@ -151,6 +160,7 @@ public:
 private:
   bool accept(const Measurement& measurement, std::int64_t now_ns) noexcept;
   SafetySettings settings_;
+  VectorDof lengths_;
   VectorDof last_good_;
   std::int64_t last_good_ns_ = 0;
   std::uint64_t last_sequence_ = 0;
@@ -193,6 +203,7 @@ public:
 
 private:
   SafetySettings settings_;
+  VectorDof lengths_;
   double dt_, energy_;
   VectorDof slewed_;
 };
@@ -211,6 +222,7 @@ public:
 
 private:
   SafetySettings settings_;
+  VectorDof lengths_;
   double dt_, last_acceleration_ = 0.0;
 };
 }  // namespace phri_core

@@ -7,11 +7,15 @@
 #include <vector>
 
 #include "phri_control/assistance.hpp"
+#include "phri_control/force_sensor.hpp"
 #include "phri_control/interaction_loop.hpp"
 #include "phri_learning/emerging_options.hpp"
+#include "phri_sim/carrying_person.hpp"
 #include "phri_sim/configuration.hpp"
 #include "phri_sim/haptic_device.hpp"
+#include "phri_sim/lab.hpp"
 #include "phri_sim/participant.hpp"
+#include "phri_sim/robot_settings.hpp"
 #include "phri_sim/scene.hpp"
 
 namespace phri_sim
@@ -30,6 +34,7 @@ struct ModelSettings
   int window = 30;    ///< [samples] that recognition looks back
   double dt = 0.02;   ///< [s] sampling of the observations, step of the predictions, replanning period
   double horizon = 0.2;                     ///< [s] of the predictions
+  int dof = 2;                              ///< of the task
   phri_learning::EmergingOptions learning;  ///< of kind "emerging"; what stands above as well goes by that
 
   bool emerging() const { return kind == "emerging"; }
@@ -40,12 +45,18 @@ struct ModelSettings
 struct Experiment
 {
   std::string name, path;
-  std::shared_ptr<const Scene> scene;
+  std::string task = "planar";         ///< "planar", "transport"
+  std::shared_ptr<const Scene> scene;  ///< of a planar task; else null
+  std::shared_ptr<const Lab> lab;      ///< of a transport; else null
   phri_control::LoopSettings loop;
   phri_control::AssistanceSettings assistance;
-  SensorSettings sensors;
+  SensorSettings sensors;  ///< of the planar device
+  RobotSettings robot;     ///< of the other tasks, as the next
+  phri_control::ForceSensorSettings force_sensor;
   ModelSettings model;
   Population population;
+  CarryingPopulation carriers;      ///< of a transport
+  std::vector<std::string> routes;  ///< of a transport: trial k takes number k - 1, from the first again after the last
   std::vector<std::string> controllers;
   int participants = 1, trials = 3;
   int seed = 7;
@@ -55,6 +66,7 @@ struct Experiment
   double let_go_after = 10.0;          ///< [s]
   double timeout = 60.0;               ///< [s] after which a trial ends without having reached the goal
 
+  bool planar() const { return task == "planar"; }
   bool assists(int trial) const
   {
     return std::find(assistance_off.begin(), assistance_off.end(), double(trial)) == assistance_off.end();

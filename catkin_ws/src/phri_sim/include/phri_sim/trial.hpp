@@ -7,10 +7,8 @@
 #include "phri_control/assistance_planner.hpp"
 #include "phri_control/interaction_loop.hpp"
 #include "phri_sim/experiment.hpp"
-#include "phri_sim/hand.hpp"
-#include "phri_sim/haptic_device.hpp"
-#include "phri_sim/human_partner.hpp"
-#include "phri_sim/route.hpp"
+#include "phri_sim/stage.hpp"
+#include "phri_sim/transport_stage.hpp"
 
 namespace phri_sim
 {
@@ -23,8 +21,8 @@ struct PredictedPosition
   Eigen::Matrix2d covariance;      ///< [m^2]
 };
 
-/// One trial, from the start to the goal (or the timeout), a millisecond at a time, without ROS: person, device, scene,
-/// interaction loop and assistance. The same object runs inside the ROS node. Bit-identical for one TrialSpec.
+/// One trial, from the start to the goal (or the timeout), a millisecond at a time, without ROS: stage (person, device,
+/// scene), interaction loop and assistance. The same object runs inside the ROS node. Bit-identical for one TrialSpec.
 ///
 ///   while (!trial.finished()) { trial.step(); if (trial.planDue()) trial.plan(prediction, or nothing); }
 class Trial
@@ -51,8 +49,7 @@ public:
   phri_control::AssistancePlanner& planner() { return planner_; }
   const TrialSpec& spec() const { return spec_; }
   const Experiment& experiment() const { return *experiment_; }
-  const std::vector<MovingObstacle>& obstacles() const { return obstacles_; }
-  const Participant& participant() const { return person_; }
+  const Stage& stage() const { return *stage_; }
   double time() const { return tick_ * experiment_->loop.dt; }
   int failedPlans() const { return planner_.failures(); }
 
@@ -62,14 +59,9 @@ public:
 private:
   std::shared_ptr<const Experiment> experiment_;
   TrialSpec spec_;
-  Participant person_;
-  std::vector<MovingObstacle> obstacles_;
-  HapticDevice device_;
-  std::unique_ptr<Hand> hand_;
+  std::unique_ptr<Stage> stage_;
   phri_control::InteractionLoop loop_;
   phri_control::AssistancePlanner planner_;
-  std::optional<Route> path_;  // of a scene with a path, which is to be followed to its end
-  double progress_ = 0.0;      // [m] along path_
   std::int64_t tick_ = 0;
   int replan_ticks_;
   bool completed_ = false, timed_out_ = false;
@@ -85,8 +77,11 @@ struct TrialLog
   int primitives = -1;  ///< known at the end; -1: the model has none
   std::vector<phri_control::TickRecord> ticks;
   std::vector<PredictedPosition> predictions;
-  /// Samples [x; xdot; u_h] every `model.dt`, (T, 6): what the learner sees of it.
+  /// Samples [x; xdot; u_h] every `model.dt`, (T, 3 dof): what the learner sees of it.
   Eigen::MatrixXd demonstration;
+  std::vector<TransportSample> transport;  ///< every `model.dt` as well, of a transport; else empty
+  /// Generalised outputs (T, 3 dof) of the primitives known at the end of a block; only its last trial has them.
+  std::vector<Eigen::MatrixXd> primitive_outputs;
 };
 
 /// Runs a trial with a model (may be null) in lockstep. `learn`, if given, is called before the first tick and after
